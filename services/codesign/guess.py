@@ -1,0 +1,159 @@
+"""Where a solve starts: a motion that obeys the dynamics, or a motion known from a neighbouring solve.
+
+The paper starts at mid-bounds and zero voltage; that, and a straight line, fail on up to 10 of the 25 tasks
+(MODEL section 4). The dynamic guess is a quintic motion with the currents and voltages that inverse dynamics says
+it needs, in the shortest time in which they stay within their limits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.codesign.instance import Instance, scales_of
+from services.codesign.interval import parameter_sizes
+from services.codesign.motion import Motion
+from services.codesign.problem import Problem
+from services.codesign.program import Program
+
+TIME_SEARCH_POINTS = 21
+TIME_SEARCH_STEPS = 20
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A point of the program to start from."""
+
+    x: np.ndarray
+    lam_x: np.ndarray | None = None
+    lam_g: np.ndarray | None = None
+
+
+def quintic(problem: Problem, final_time: float, share: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fifth-degree motion between the task's states with no acceleration at its ends.
+
+    Parameters
+    ----------
+    share
+        Shape (m,), time as a share of `final_time`, 0..1.
+
+    Returns
+    -------
+    tuple
+        q [rad], qd [rad/s], qdd [rad/s2], each of shape (m, n).
+    """
+    task, T, s = problem.task, final_time, share[:, None]
+    v_0, v_1 = task.start_velocity * T, task.end_velocity * T
+    gap = task.end - task.start
+    a_3, a_4, a_5 = 10 * gap - 6 * v_0 - 4 * v_1, -15 * gap + 8 * v_0 + 7 * v_1, 6 * gap - 3 * v_0 - 3 * v_1
+    q = task.start + v_0 * s + a_3 * s**3 + a_4 * s**4 + a_5 * s**5
+    qd = (v_0 + 3 * a_3 * s**2 + 4 * a_4 * s**3 + 5 * a_5 * s**4) / T
+    qdd = (6 * a_3 * s + 12 * a_4 * s**2 + 20 * a_5 * s**3) / T**2
+    return q, qd, qdd
+
+
+def quintic_guess(
+    problem: Problem, program: Program, instance: Instance, design: np.ndarray, time_factor: float = 1.0
+) -> Guess:
+    """Dynamic guess with a design of shape (n, 7) [m], its motion time stretched by `time_factor`."""
+    low, high = problem.final_time_bounds
+    shortest = low if low == high else _shortest_time(problem, program, instance, design)
+    final_time = float(np.clip(time_factor * shortest, low, high))
+    stops, tails = _shares(program)
+    q, qd, _ = quintic(problem, final_time, stops)
+    i_q, u_d, u_q = _demand(problem, program, instance, design, final_time, stops)
+    states = [q, qd / scales_of(problem).speed]
+    if program.layout.control == "voltage":
+        states += [np.zeros_like(i_q), i_q]
+        _, u_d, u_q = _demand(problem, program, instance, design, final_time, tails)
+        tail = np.hstack([u_d, u_q])
+    else:
+        i_q, _, _ = _demand(problem, program, instance, design, final_time, tails)
+        tail = np.hstack([np.zeros_like(i_q), i_q])
+    return Guess(_assemble(problem, program, instance, design, final_time, np.hstack(states), tail))
+
+
+def motion_guess(
+    problem: Problem, program: Program, instance: Instance, design: np.ndarray, motion: Motion
+) -> Guess:
+    """Start from a known motion, on any grid, with a design of shape (n, 7) [m]."""
+    scales, (stops, tails) = scales_of(problem), _shares(program)
+    low, high = problem.final_time_bounds
+    known = motion.time / motion.final_time
+
+    def at(values: np.ndarray, share: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.interp(share, known, column) for column in values.T])
+
+    states = [at(motion.position, stops), at(motion.speed, stops) / scales.speed]
+    if program.layout.control == "voltage":
+        states += [at(motion.current_d, stops) / scales.current, at(motion.current_q, stops) / scales.current]
+        tail = np.hstack([at(motion.voltage_d, tails), at(motion.voltage_q, tails)]) / scales.voltage
+    else:
+        tail = np.hstack([at(motion.current_d, tails), at(motion.current_q, tails)]) / scales.current
+    final_time = float(np.clip(motion.final_time, low, high))
+    return Guess(_assemble(problem, program, instance, design, final_time, np.hstack(states), tail))
+
+
+def _shares(program: Program) -> tuple[np.ndarray, np.ndarray]:
+    """Shares of t_f at the stops, (N stops,), and at the intervals' ends where the last N variables belong, (N,)."""
+    layout, N = program.layout, program.intervals
+    inside = np.concatenate([layout.collocation.points, [1.0]])[: layout.stops]
+    stops = ((np.arange(N)[:, None] + inside) / N).ravel()
+    return stops, (np.arange(N) + 1) / N
+
+
+def _assemble(
+    problem: Problem,
+    program: Program,
+    instance: Instance,
+    design: np.ndarray,
+    final_time: float,
+    states: np.ndarray,
+    tail: np.ndarray,
+) -> np.ndarray:
+    """Lay states (N stops, point size) and tails (N, 2n) into x, and clip to the bounds."""
+    N = program.intervals
+    intervals = np.hstack([states.reshape(N, -1), tail])
+    x = program.join(design / scales_of(problem).design, final_time, intervals)
+    return np.clip(x, instance.lower_x, instance.upper_x)
+
+
+def _demand(
+    problem: Problem,
+    program: Program,
+    instance: Instance,
+    design: np.ndarray,
+    final_time: float,
+    share: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Scaled (i_q, u_d, u_q) of the quintic, each (m, n)."""
+    q, qd, qdd = quintic(problem, final_time, share)
+    parameters = instance.parameters[: sum(parameter_sizes(problem.robot.joints).values())]
+    scaled = (design / scales_of(problem).design).ravel()
+    demand = program.kernels.demand.map("demand", "serial", len(share), [3, 4], [])
+    i_q, u_d, u_q = (part.full().T for part in demand(q.T, qd.T, qdd.T, scaled, parameters))
+    return i_q, u_d, u_q
+
+
+def _shortest_time(problem: Problem, program: Program, instance: Instance, design: np.ndarray) -> float:
+    """Shortest t_f [s] in which the quintic keeps speeds, currents and voltages within their limits.
+
+    Where no time will do (gravity alone asks for too much), the fastest in which the speeds fit.
+    """
+    share = np.linspace(0, 1, TIME_SEARCH_POINTS)
+    speed_limit = scales_of(problem).speed
+
+    def fits(final_time: float) -> bool:
+        _, qd, _ = quintic(problem, final_time, share)
+        parts = _demand(problem, program, instance, design, final_time, share)
+        return bool((np.abs(qd) <= speed_limit).all() and all((np.abs(part) <= 1).all() for part in parts))
+
+    low, high = problem.final_time_bounds
+    if not fits(high):
+        distance = np.abs(problem.task.end - problem.task.start) / speed_limit
+        return float(np.clip(2 * distance.max(), low, high))
+    for _ in range(TIME_SEARCH_STEPS):
+        middle = float(np.sqrt(low * high))
+        low, high = (low, middle) if fits(middle) else (middle, high)
+    return high

@@ -1,0 +1,275 @@
+"""One interval of the optimal control problem, symbolically: what the compiled kernels compute.
+
+The whole program is this interval repeated. Everything that differs between tasks, motors, limits and grids is a
+number handed in (`PARAMETERS`), so one kernel serves them all; only the arm's geometry and masses, the collocation
+scheme and the kind of control shape the code.
+
+All variables are scaled to order one. A state is (q, qd, i_d, i_q), each of shape (n,).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from services.codesign.arm import Arm, build_arm
+from services.codesign.collocation import Collocation, collocation
+from services.codesign.forward_dynamics import forward_dynamics
+from services.codesign.inverse_dynamics import inverse_dynamics
+from services.codesign.motor import MotorParameters, motor_parameters, motor_torque, steady_voltages
+from services.codesign.motor_data import COEFFICIENTS, DIMENSIONS
+from services.codesign.robot import Robot
+
+Expression = Any
+
+CONTROLS = ("voltage", "current")
+DYNAMICS = ("inverse", "forward")
+
+
+@dataclass(frozen=True)
+class IntervalLayout:
+    """Where things lie in an interval's variables and constraints.
+
+    Voltage control (the paper): the state at every point, then the interval's constant voltages.
+    Current control: (q, qd) at every point, then the currents at the interval's end, linear in between; voltages
+    follow from the motor's equations.
+    With Legendre points the state at the interval's end follows the points.
+    """
+
+    joints: int
+    scheme: str
+    degree: int
+    control: str = "voltage"
+    dynamics: str = "inverse"
+
+    @property
+    def collocation(self) -> Collocation:
+        """The scheme's points and matrices."""
+        return collocation(self.scheme, self.degree)
+
+    @property
+    def has_end_state(self) -> bool:
+        """Whether the interval's end is a variable of its own."""
+        return not self.collocation.ends_on_point
+
+    @property
+    def state_size(self) -> int:
+        """Size of the state carried from one interval to the next."""
+        return 4 * self.joints
+
+    @property
+    def point_size(self) -> int:
+        """Variables at one collocation point."""
+        return (4 if self.control == "voltage" else 2) * self.joints
+
+    @property
+    def stops(self) -> int:
+        """Points with variables: collocation points, and the end when it is not one of them."""
+        return self.degree + (1 if self.has_end_state else 0)
+
+    @property
+    def variables(self) -> int:
+        """Variables of one interval."""
+        return self.point_size * self.stops + 2 * self.joints
+
+    @property
+    def equalities(self) -> int:
+        """Equality constraints of one interval."""
+        return self.point_size * self.stops
+
+    @property
+    def inequalities(self) -> int:
+        """Voltages at the points, where they are not variables themselves."""
+        return 0 if self.control == "voltage" else 2 * self.joints * self.degree
+
+    @property
+    def end_state(self) -> list[int]:
+        """Indices, within an interval's variables, of the state that the next interval starts from."""
+        last = self.point_size * (self.stops - 1)
+        if self.control == "voltage":
+            return list(range(last, last + 4 * self.joints))
+        currents = self.point_size * self.stops
+        return [*range(last, last + 2 * self.joints), *range(currents, currents + 2 * self.joints)]
+
+
+def parameter_sizes(joints: int) -> dict[str, int]:
+    """Names and sizes of the numbers that a kernel takes, in order."""
+    return {
+        "coefficients": len(COEFFICIENTS),
+        "design_scale": len(DIMENSIONS),
+        "gear_ratio": joints,
+        "payload": 1,
+        "speed_scale": joints,
+        "current_scale": 1,
+        "voltage_scale": 1,
+        "torque_scale": joints,
+    }
+
+
+@dataclass(frozen=True)
+class IntervalExpressions:
+    """Inputs and outputs of one interval (SX)."""
+
+    start: Expression  # (4n,) scaled state at the interval's start
+    variables: Expression  # (layout.variables,)
+    design: Expression  # (7n,) scaled
+    final_time: Expression  # t_f [s]
+    width: Expression  # share of t_f that the interval takes
+    parameters: Expression
+    constraints: Expression  # equalities (= 0), then inequalities (in -1..1)
+    effort: Expression  # integral of u'u over the interval [V2 s]
+
+
+def unpack_parameters(parameters: Expression, joints: int) -> dict[str, Expression]:
+    """Split a parameter vector by `parameter_sizes`."""
+    sizes = parameter_sizes(joints)
+    offsets = [0]
+    for size in sizes.values():
+        offsets.append(offsets[-1] + size)
+    return dict(zip(sizes, ca.vertsplit(parameters, offsets), strict=True))
+
+
+def motors_of(design: Expression, p: dict[str, Expression], joints: int) -> list[MotorParameters]:
+    """Parameters of every motor from the scaled design vector."""
+    return [
+        motor_parameters(design[7 * k : 7 * k + 7] * p["design_scale"], p["coefficients"]) for k in range(joints)
+    ]
+
+
+def stacked(motors: list[MotorParameters]) -> MotorParameters:
+    """The same parameters as vectors over the joints."""
+    return MotorParameters(*(ca.vertcat(*values) for values in zip(*motors, strict=True)))
+
+
+def interval_expressions(robot: Robot, layout: IntervalLayout) -> IntervalExpressions:
+    """Collocate one interval  (eqs. 1 and 4; Section III-B)."""
+    n = layout.joints
+    start = ca.SX.sym("start", layout.state_size)
+    variables = ca.SX.sym("variables", layout.variables)
+    design = ca.SX.sym("design", len(DIMENSIONS) * n)
+    final_time, width = ca.SX.sym("final_time"), ca.SX.sym("width")
+    parameters = ca.SX.sym("parameters", sum(parameter_sizes(n).values()))
+
+    p = unpack_parameters(parameters, n)
+    motors = motors_of(design, p, n)
+    arm = build_arm(robot, motors, p["payload"], p["gear_ratio"])
+    h = final_time * width
+    path = _voltage_path if layout.control == "voltage" else _current_path
+    constraints, effort = path(layout, arm, stacked(motors), p, start, variables, h)
+    return IntervalExpressions(start, variables, design, final_time, width, parameters, constraints, effort)
+
+
+def _voltage_path(
+    layout: IntervalLayout,
+    arm: Arm,
+    motor: MotorParameters,
+    p: dict[str, Expression],
+    start: Expression,
+    variables: Expression,
+    h: Expression,
+) -> tuple[Expression, Expression]:
+    """The paper's transcription: voltages constant on the interval, all four kinds of states collocated."""
+    n, scheme, P = layout.joints, layout.collocation, p["coefficients"][0]
+    stops = [start, *(variables[4 * n * j : 4 * n * (j + 1)] for j in range(layout.stops))]
+    points = stops[: layout.degree + 1]
+    u = variables[4 * n * layout.stops :] * p["voltage_scale"]
+    defects = []
+    for j, row in enumerate(scheme.differentiation):
+        x, slope = points[j + 1], _combine(row, points)
+        q, qd, i_d, i_q = _physical(x, p, n)
+        _, dqd, di_d, di_q = _physical(slope, p, n)
+        defects.append(_kinematic_defect(x, slope, h, p, n))
+        defects.append(_dynamic_defect(layout, arm, motor, p, q, qd, dqd / h, i_q))
+        steady_d, steady_q = steady_voltages(i_d, i_q, p["gear_ratio"] * qd, motor, P)
+        required = ca.vertcat(steady_d + motor.inductance * di_d / h, steady_q + motor.inductance * di_q / h)
+        defects.append((required - u) / p["voltage_scale"])  # eq. (1)
+    if layout.has_end_state:
+        defects.append(stops[-1] - _combine(scheme.end, points))
+    return ca.vertcat(*defects), h * ca.dot(u, u)
+
+
+def _current_path(
+    layout: IntervalLayout,
+    arm: Arm,
+    motor: MotorParameters,
+    p: dict[str, Expression],
+    start: Expression,
+    variables: Expression,
+    h: Expression,
+) -> tuple[Expression, Expression]:
+    """Currents linear on the interval; the voltage follows from eq. (1), in which the motor is flat (MODEL 5)."""
+    n, scheme, P = layout.joints, layout.collocation, p["coefficients"][0]
+    stops = [start[: 2 * n], *(variables[2 * n * j : 2 * n * (j + 1)] for j in range(layout.stops))]
+    points = stops[: layout.degree + 1]
+    first, last = start[2 * n :] * p["current_scale"], variables[2 * n * layout.stops :] * p["current_scale"]
+    di = (last - first) / h
+    defects, voltages, effort = [], [], ca.SX(0)
+    for j, row in enumerate(scheme.differentiation):
+        x, slope = points[j + 1], _combine(row, points)
+        q, qd = x[:n], x[n:] * p["speed_scale"]
+        current = first + scheme.points[j] * (last - first)
+        i_d, i_q = current[:n], current[n:]
+        defects.append(_kinematic_defect(x, slope, h, p, n))
+        defects.append(_dynamic_defect(layout, arm, motor, p, q, qd, slope[n:] * p["speed_scale"] / h, i_q))
+        steady_d, steady_q = steady_voltages(i_d, i_q, p["gear_ratio"] * qd, motor, P)
+        u = ca.vertcat(steady_d + motor.inductance * di[:n], steady_q + motor.inductance * di[n:])
+        voltages.append(u / p["voltage_scale"])
+        effort = effort + h * scheme.weights[j] * ca.dot(u, u)
+    if layout.has_end_state:
+        defects.append(stops[-1] - _combine(scheme.end, points))
+    return ca.vertcat(*defects, *voltages), effort
+
+
+def demand_expressions(robot: Robot) -> tuple[list[Expression], list[Expression]]:
+    """Inputs and outputs of the map from a motion to what it asks of the motors, all scaled.
+
+    (q [rad], qd [rad/s], qdd [rad/s2], design, parameters) -> (i_q, u_d, u_q), with i_d = 0 and the currents' rates
+    left out; each output has shape (n,).
+    """
+    n = robot.joints
+    q, qd, qdd = (ca.SX.sym(name, n) for name in ("q", "qd", "qdd"))
+    design = ca.SX.sym("design", len(DIMENSIONS) * n)
+    parameters = ca.SX.sym("parameters", sum(parameter_sizes(n).values()))
+    p = unpack_parameters(parameters, n)
+    motors, P = motors_of(design, p, n), p["coefficients"][0]
+    motor = stacked(motors)
+    tau = inverse_dynamics(build_arm(robot, motors, p["payload"], p["gear_ratio"]), q, qd, qdd)
+    i_q = tau / (p["gear_ratio"] * motor_torque(1, motor, P))
+    steady_d, steady_q = steady_voltages(ca.SX.zeros(n), i_q, p["gear_ratio"] * qd, motor, P)
+    outputs = [i_q / p["current_scale"], steady_d / p["voltage_scale"], steady_q / p["voltage_scale"]]
+    return [q, qd, qdd, design, parameters], outputs
+
+
+def _combine(row: Any, points: list[Expression]) -> Expression:
+    return sum(float(weight) * point for weight, point in zip(row, points, strict=True))
+
+
+def _physical(x: Expression, p: dict[str, Expression], n: int) -> tuple[Expression, ...]:
+    """Scaled state -> q [rad], qd [rad/s], i_d [A], i_q [A]."""
+    return x[:n], x[n : 2 * n] * p["speed_scale"], *(
+        x[k * n : (k + 1) * n] * p["current_scale"] for k in (2, 3)
+    )
+
+
+def _kinematic_defect(x: Expression, slope: Expression, h: Expression, p: dict[str, Expression], n: int) -> Expression:
+    """h qd = polynomial's derivative of q, in units of the speed scale."""
+    return (h * x[n : 2 * n] * p["speed_scale"] - slope[:n])
+
+
+def _dynamic_defect(
+    layout: IntervalLayout,
+    arm: Arm,
+    motor: MotorParameters,
+    p: dict[str, Expression],
+    q: Expression,
+    qd: Expression,
+    qdd: Expression,
+    i_q: Expression,
+) -> Expression:
+    """Eq. (4): motor torque through the gear meets the arm. Inverse dynamics is the fast path (MODEL section 4)."""
+    tau = p["gear_ratio"] * motor_torque(i_q, motor, p["coefficients"][0])
+    if layout.dynamics == "forward":
+        return (qdd - forward_dynamics(arm, q, qd, tau)) / p["speed_scale"]
+    return (tau - inverse_dynamics(arm, q, qd, qdd)) / p["torque_scale"]

@@ -1,0 +1,196 @@
+"""Compiled kernels: one interval's constraints with first and second derivatives, and one motor's constraints.
+
+CasADi generates the C, the machine's compiler builds it once, and the library is kept under a hash of everything
+that shapes it. Without a compiler the same functions run on the CasADi virtual machine, about ten times slower.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from services.codesign.interval import (
+    IntervalLayout,
+    demand_expressions,
+    interval_expressions,
+    parameter_sizes,
+    unpack_parameters,
+)
+from services.codesign.motor import design_constraints
+from services.codesign.motor_data import DIMENSIONS
+from services.codesign.robot import Robot
+
+COMPILER_FLAGS = ("-O1", "-fPIC", "-shared")
+"""-O1: a third faster to compile than -O2, and the code is no slower (docs/performance.md)."""
+
+_SHAPING_SOURCES = (
+    "arm.py",
+    "collocation.py",
+    "forward_dynamics.py",
+    "interval.py",
+    "inverse_dynamics.py",
+    "kernels.py",
+    "motor.py",
+    "motor_data.py",
+    "spatial.py",
+)
+
+
+@dataclass(frozen=True)
+class Kernels:
+    """Functions of one interval and one motor; `compiled` says whether they are machine code.
+
+    With v = (start, variables, design, final_time) and inputs (start, variables, design, final_time, width,
+    parameters):
+
+    - value -> (constraints, effort)
+    - jacobian -> (d constraints / dv, gradient of effort), sparse
+    - hessian, with multipliers of constraints and effort appended -> upper triangle of the Hessian in v
+    - demand: (q, qd, qdd, design, parameters) -> scaled (i_q, u_d, u_q) that a motion needs with i_d = 0
+    - motor_value, motor_jacobian, motor_hessian: the same for the design constraints of one motor
+    """
+
+    value: ca.Function
+    jacobian: ca.Function
+    hessian: ca.Function
+    demand: ca.Function
+    motor_value: ca.Function
+    motor_jacobian: ca.Function
+    motor_hessian: ca.Function
+    compiled: bool
+
+
+def default_cache() -> Path:
+    """Where libraries are kept unless told otherwise: `kernels` under ARMATURE_HOME or ~/.armature."""
+    home = os.environ.get("ARMATURE_HOME")
+    return (Path(home) if home else Path.home() / ".armature") / "kernels"
+
+
+_LOADED: dict[tuple[str, Path], Kernels] = {}
+
+
+def load_kernels(robot: Robot, layout: IntervalLayout, cache: Path | None = None) -> Kernels:
+    """Kernels of an arm and a layout, compiled now unless the cache holds them. Kept per process.
+
+    Safe when several processes call it at once: each builds in a folder of its own and renames the result.
+    """
+    folder = default_cache() if cache is None else cache
+    key = cache_key(robot, layout)
+    if (key, folder) not in _LOADED:
+        _LOADED[key, folder] = _load(robot, layout, folder / f"{key}.so")
+    return _LOADED[key, folder]
+
+
+def _load(robot: Robot, layout: IntervalLayout, library: Path) -> Kernels:
+    if not library.exists():
+        if (compiler := _compiler()) is None:
+            return _virtual_machine(robot, layout)
+        _compile(_functions(robot, layout), compiler, library)
+    return _external(library)
+
+
+def cache_key(robot: Robot, layout: IntervalLayout) -> str:
+    """Hash of everything that shapes the code: arm, layout, model sources, CasADi, compiler flags, machine."""
+    sources = [(Path(__file__).parent / name).read_text() for name in _SHAPING_SOURCES]
+    shape = [_shaping_numbers(robot), asdict(layout), ca.__version__, COMPILER_FLAGS, platform.machine(), sources]
+    return hashlib.sha256(json.dumps(shape, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def _shaping_numbers(robot: Robot) -> dict[str, Any]:
+    """What of a robot becomes code. Gear ratios and limits do not: they are parameters."""
+    names = ("gravity", "screw_axes", "link_com_home", "link_mass", "link_inertia", "motor_position", "tool_home")
+    return {name: np.asarray(getattr(robot, name)).tolist() for name in names}
+
+
+def _functions(robot: Robot, layout: IntervalLayout) -> dict[str, ca.Function]:
+    e = interval_expressions(robot, layout)
+    v = ca.vertcat(e.start, e.variables, e.design, e.final_time)
+    inputs = [e.start, e.variables, e.design, e.final_time, e.width, e.parameters]
+    lam_g, lam_e = ca.SX.sym("lam_g", e.constraints.shape[0]), ca.SX.sym("lam_e")
+    hessian, _ = ca.hessian(ca.dot(lam_g, e.constraints) + lam_e * e.effort, v)
+    interval = {
+        "value": (inputs, [e.constraints, e.effort]),
+        "jacobian": (inputs, [ca.jacobian(e.constraints, v), ca.densify(ca.gradient(e.effort, v))]),
+        "hessian": ([*inputs, lam_g, lam_e], [ca.triu(hessian)]),
+        "demand": demand_expressions(robot),
+    }
+    functions = {**interval, **_motor_functions(layout.joints)}
+    return {name: ca.Function(name, i, o, {"cse": True}) for name, (i, o) in functions.items()}
+
+
+def _motor_functions(joints: int) -> dict[str, tuple[list[Any], list[Any]]]:
+    design = ca.SX.sym("design", len(DIMENSIONS))
+    parameters = ca.SX.sym("parameters", sum(parameter_sizes(joints).values()))
+    p = unpack_parameters(parameters, joints)
+    values = design_constraints(design * p["design_scale"], p["coefficients"])
+    lam = ca.SX.sym("lam", values.shape[0])
+    hessian, _ = ca.hessian(ca.dot(lam, values), design)
+    return {
+        "motor_value": ([design, parameters], [values]),
+        "motor_jacobian": ([design, parameters], [ca.jacobian(values, design)]),
+        "motor_hessian": ([design, parameters, lam], [ca.triu(hessian)]),
+    }
+
+
+def _virtual_machine(robot: Robot, layout: IntervalLayout) -> Kernels:
+    return Kernels(**_functions(robot, layout), compiled=False)
+
+
+def _external(library: Path) -> Kernels:
+    names = [name for name in Kernels.__dataclass_fields__ if name != "compiled"]
+    return Kernels(**{name: ca.external(name, str(library)) for name in names}, compiled=True)
+
+
+def _compiler() -> str | None:
+    """The C compiler: $CC, or cc, gcc, clang, whichever is there first."""
+    candidates: Iterable[str | None] = (os.environ.get("CC"), "cc", "gcc", "clang")
+    return next((path for name in candidates if name and (path := shutil.which(name))), None)
+
+
+def _compile(functions: dict[str, ca.Function], compiler: str, library: Path) -> None:
+    """Generate, compile each function on a thread of its own, link, and move into place in one step."""
+    library.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=library.parent) as folder:
+        objects = list(_map_threads(lambda item: _object(item[0], item[1], compiler, folder), functions.items()))
+        built = str(Path(folder) / "kernels.so")
+        _run([compiler, *COMPILER_FLAGS, *objects, "-o", built, "-lm"])
+        os.replace(built, library)
+
+
+def _object(name: str, function: ca.Function, compiler: str, folder: str) -> str:
+    generator = ca.CodeGenerator(f"{name}.c", {"with_header": False, "casadi_int": "long long int"})
+    generator.add(function)
+    generator.generate(f"{folder}/")
+    target = f"{folder}/{name}.o"
+    _run([compiler, *(f for f in COMPILER_FLAGS if f != "-shared"), "-c", f"{folder}/{name}.c", "-o", target])
+    return target
+
+
+def _map_threads(call: Any, items: Iterable[Any]) -> Iterable[Any]:
+    with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
+        yield from pool.map(call, items)
+
+
+def _run(command: list[str]) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"the C compiler failed: {' '.join(command)}\n{done.stderr.strip()}")
+
+
+def describe(kernels: Kernels) -> str:
+    """For people: what the kernels run on."""
+    return "compiled" if kernels.compiled else "CasADi virtual machine (no C compiler found: solves are slower)"
+

@@ -1,0 +1,96 @@
+"""What is asked: a task, an objective, a transcription, and all of it together as a problem."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from services.codesign.interval import IntervalLayout
+from services.codesign.motor_data import MotorData
+from services.codesign.robot import Robot
+
+OBJECTIVES = ("time", "energy", "weighted")
+FINAL_TIME_BOUNDS = (0.05, 20.0)
+"""Default bounds [s] of a free t_f (MODEL section 4)."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """T_i = (x_0, x_f, M_p): from one joint state to another with a payload  (Section II-C)."""
+
+    start: np.ndarray  # (n,) rad
+    end: np.ndarray  # (n,) rad
+    payload: float = 0.0  # kg
+    start_speed: np.ndarray | None = None  # (n,) rad/s, at rest when None
+    end_speed: np.ndarray | None = None
+    duration: float | None = None  # s, for the energy objective
+
+    @property
+    def start_velocity(self) -> np.ndarray:
+        """Joint speeds at the start, shape (n,), rad/s."""
+        return np.zeros_like(self.start) if self.start_speed is None else self.start_speed
+
+    @property
+    def end_velocity(self) -> np.ndarray:
+        """Joint speeds at the end, shape (n,), rad/s."""
+        return np.zeros_like(self.end) if self.end_speed is None else self.end_speed
+
+
+@dataclass(frozen=True)
+class Objective:
+    """`time`: t_f; `energy`: integral of u'u over the task's duration; `weighted`: a mix with free t_f.
+
+    ``(1 - alpha) t_f / time_reference + alpha E / effort_reference`` for `weighted`  (MODEL section 1).
+    """
+
+    kind: str = "time"
+    alpha: float = 0.0
+    time_reference: float = 1.0  # s
+    effort_reference: float = 1.0  # V2 s
+    final_time_bounds: tuple[float, float] = FINAL_TIME_BOUNDS
+
+    def __post_init__(self) -> None:
+        if self.kind not in OBJECTIVES:
+            raise ValueError(f"objective.kind {self.kind!r}: must be one of {', '.join(OBJECTIVES)}")
+
+
+@dataclass(frozen=True)
+class Transcription:
+    """How the continuous problem becomes a program. The default is the paper's: Radau, degree 1, 50 intervals."""
+
+    scheme: str = "radau"
+    degree: int = 1
+    intervals: int = 50
+    control: str = "voltage"
+    dynamics: str = "inverse"
+
+    def layout(self, joints: int) -> IntervalLayout:
+        """The layout of one interval for an arm of `joints` joints."""
+        return IntervalLayout(joints, self.scheme, self.degree, self.control, self.dynamics)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One task to be solved: Problem 1 with n = 1, or its motion alone when `design` is given."""
+
+    robot: Robot
+    task: Task
+    motor: MotorData = field(default_factory=MotorData)
+    objective: Objective = field(default_factory=Objective)
+    transcription: Transcription = field(default_factory=Transcription)
+    design: np.ndarray | None = None  # (n, 7) m: fixed motors, None: free
+
+    @property
+    def layout(self) -> IntervalLayout:
+        """The layout of one interval."""
+        return self.transcription.layout(self.robot.joints)
+
+    @property
+    def final_time_bounds(self) -> tuple[float, float]:
+        """Bounds of t_f [s]; both are the task's duration for the energy objective."""
+        if self.objective.kind != "energy":
+            return self.objective.final_time_bounds
+        if self.task.duration is None:
+            raise ValueError("the energy objective needs task.duration: with t_f free, slower is always better")
+        return self.task.duration, self.task.duration

@@ -1,0 +1,214 @@
+"""The nonlinear program of one task: interval kernels laid side by side, bordered by the design and t_f.
+
+Variables ``x = [design (7n), t_f, interval_0, ..., interval_(N-1)]``, all scaled but t_f [s]; constraints
+``g = [interval constraints 0..N-1, design constraints motor by motor]``. The sparsity is known from the kernels',
+so the derivatives are gathered into place rather than found by differentiating the whole.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from services.codesign.interval import IntervalLayout, parameter_sizes
+from services.codesign.kernels import Kernels, load_kernels
+from services.codesign.motor_data import CONSTRAINTS, DIMENSIONS
+from services.codesign.robot import Robot
+
+
+@dataclass(frozen=True)
+class Program:
+    """Functions and index sets; the numbers of a task come with the parameter vector and the bounds.
+
+    The parameter vector is ``[kernel parameters, start state (4n), widths (N), time weight, effort weight]``, and the
+    objective ``time weight * t_f + effort weight * integral of u'u``.
+    """
+
+    layout: IntervalLayout
+    intervals: int
+    kernels: Kernels
+    nlp: ca.Function  # (x, p) -> (f, g)
+    grad_f: ca.Function  # (x, p) -> (f, gradient)
+    jac_g: ca.Function  # (x, p) -> (g, Jacobian)
+    hess_lag: ca.Function  # (x, p, lam_f, lam_g) -> upper triangle of the Hessian
+
+    @property
+    def design_size(self) -> int:
+        """7n."""
+        return len(DIMENSIONS) * self.layout.joints
+
+    @property
+    def time_index(self) -> int:
+        """Index of t_f in x."""
+        return self.design_size
+
+    @property
+    def variables(self) -> int:
+        """Number of variables."""
+        return self.design_size + 1 + self.intervals * self.layout.variables
+
+    @property
+    def interval_constraints(self) -> int:
+        """Constraints of one interval."""
+        return self.layout.equalities + self.layout.inequalities
+
+    @property
+    def constraints(self) -> int:
+        """Number of constraints."""
+        return self.intervals * self.interval_constraints + len(CONSTRAINTS) * self.layout.joints
+
+    def split(self, x: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+        """x -> scaled design (n, 7), t_f [s], interval variables (N, layout.variables)."""
+        design = x[: self.design_size].reshape(self.layout.joints, len(DIMENSIONS))
+        intervals = x[self.design_size + 1 :].reshape(self.intervals, self.layout.variables)
+        return design, float(x[self.time_index]), intervals
+
+    def join(self, design: np.ndarray, final_time: float, intervals: np.ndarray) -> np.ndarray:
+        """Inverse of `split`."""
+        return np.concatenate([design.ravel(), [final_time], intervals.ravel()])
+
+
+_PROGRAMS: dict[tuple[int, int], Program] = {}
+
+
+def load_program(robot: Robot, layout: IntervalLayout, intervals: int, cache: Path | None = None) -> Program:
+    """The program of an arm on a grid, built once per process."""
+    kernels = load_kernels(robot, layout, cache)
+    key = (id(kernels), intervals)
+    if key not in _PROGRAMS:
+        _PROGRAMS[key] = build_program(kernels, layout, intervals)
+    return _PROGRAMS[key]
+
+
+def build_program(kernels: Kernels, layout: IntervalLayout, intervals: int) -> Program:
+    """Assemble the program's functions from an interval's."""
+    s = _Symbols(layout, intervals)
+    indices = _Indices(layout, intervals)
+    n, N = layout.joints, intervals
+    shared = [2, 3, 5]  # design, t_f and parameters are the same in every interval
+
+    def over_intervals(function: ca.Function, *more: Any) -> Any:
+        mapped = function.map(function.name(), "serial", N, shared, [])
+        return mapped(s.starts, s.columns, s.design, s.final_time, s.widths, s.parameters, *more)
+
+    def over_motors(function: ca.Function, *more: Any) -> Any:
+        mapped = function.map(function.name(), "serial", n, [1], [])
+        return mapped(ca.reshape(s.design, len(DIMENSIONS), n), s.parameters, *more)
+
+    g_intervals, efforts = over_intervals(kernels.value)
+    f = s.time_weight * s.final_time + s.effort_weight * ca.sum2(efforts)
+    g = ca.vertcat(ca.vec(g_intervals), ca.vec(over_motors(kernels.motor_value)))
+
+    jacobian, effort_gradients = over_intervals(kernels.jacobian)
+    motor_jacobian = over_motors(kernels.motor_jacobian)
+    jac = indices.jacobian(kernels, jacobian, motor_jacobian)
+    gradient = s.effort_weight * indices.gradient(effort_gradients) + _unit(s.time_weight, indices)
+
+    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.shape[0])
+    split = N * (layout.equalities + layout.inequalities)
+    lam_intervals = ca.reshape(lam_g[:split], -1, N)
+    hessian = over_intervals(kernels.hessian, lam_intervals, ca.repmat(lam_f * s.effort_weight, 1, N))
+    motor_hessian = over_motors(kernels.motor_hessian, ca.reshape(lam_g[split:], len(CONSTRAINTS), n))
+    hess = indices.hessian(kernels, hessian, motor_hessian)
+
+    return Program(
+        layout=layout,
+        intervals=intervals,
+        kernels=kernels,
+        nlp=ca.Function("nlp", [s.x, s.p], [f, g], ["x", "p"], ["f", "g"]),
+        grad_f=ca.Function("nlp_grad_f", [s.x, s.p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
+        jac_g=ca.Function("nlp_jac_g", [s.x, s.p], [g, jac], ["x", "p"], ["g", "jac_g_x"]),
+        hess_lag=ca.Function(
+            "nlp_hess_l", [s.x, s.p, lam_f, lam_g], [hess], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
+        ),
+    )
+
+
+def _unit(value: Any, indices: _Indices) -> Any:
+    unit = ca.DM.zeros(indices.size)
+    unit[indices.time] = 1
+    return unit * value
+
+
+class _Symbols:
+    """Symbolic x and p, and their parts as the kernels take them."""
+
+    def __init__(self, layout: IntervalLayout, intervals: int) -> None:
+        n, N = layout.joints, intervals
+        sizes = [len(DIMENSIONS) * n, 1, N * layout.variables]
+        self.x = ca.MX.sym("x", sum(sizes))
+        self.design, self.final_time, flat = ca.vertsplit(self.x, np.cumsum([0, *sizes]).tolist())
+        self.columns = ca.reshape(flat, layout.variables, N)
+        parts = [sum(parameter_sizes(n).values()), layout.state_size, N, 1, 1]
+        self.p = ca.MX.sym("p", sum(parts))
+        self.parameters, start, widths, self.time_weight, self.effort_weight = ca.vertsplit(
+            self.p, np.cumsum([0, *parts]).tolist()
+        )
+        self.widths = widths.T
+        self.starts = ca.horzcat(start, self.columns[layout.end_state, : N - 1])
+
+
+class _Indices:
+    """Where each kernel derivative goes in the whole program."""
+
+    def __init__(self, layout: IntervalLayout, intervals: int) -> None:
+        self.layout, self.intervals = layout, intervals
+        self.time = len(DIMENSIONS) * layout.joints
+        self.size = self.time + 1 + intervals * layout.variables
+        self.rows = layout.equalities + layout.inequalities
+
+    def columns(self, w: int) -> np.ndarray:
+        """Program index of each entry of a kernel's v in interval w; -1 for the given start state."""
+        layout, first = self.layout, self.time + 1 + w * self.layout.variables
+        start = first - layout.variables + np.array(layout.end_state)
+        own = first + np.arange(layout.variables)
+        border = np.arange(self.time + 1)
+        return np.concatenate([start if w else np.full(layout.state_size, -1), own, border])
+
+    def jacobian(self, kernels: Kernels, interval: Any, motor: Any) -> Any:
+        local = [np.array(part) for part in kernels.jacobian.sparsity_out(0).get_triplet()]
+        local_motor = [np.array(part) for part in kernels.motor_jacobian.sparsity_out(0).get_triplet()]
+        n, constraints = self.layout.joints, len(CONSTRAINTS)
+        first = self.intervals * self.rows
+        rows = [w * self.rows + local[0] for w in range(self.intervals)]
+        cols = [self.columns(w)[local[1]] for w in range(self.intervals)]
+        rows += [first + constraints * k + local_motor[0] for k in range(n)]
+        cols += [len(DIMENSIONS) * k + local_motor[1] for k in range(n)]
+        values = ca.vertcat(_nonzeros(interval), _nonzeros(motor))
+        return _scatter(values, np.concatenate(rows), np.concatenate(cols), (first + constraints * n, self.size))
+
+    def gradient(self, effort_gradients: Any) -> Any:
+        cols = np.concatenate([self.columns(w) for w in range(self.intervals)])
+        return ca.densify(_scatter(ca.vec(effort_gradients), cols, np.zeros_like(cols), (self.size, 1)))
+
+    def hessian(self, kernels: Kernels, interval: Any, motor: Any) -> Any:
+        local = [np.array(part) for part in kernels.hessian.sparsity_out(0).get_triplet()]
+        local_motor = [np.array(part) for part in kernels.motor_hessian.sparsity_out(0).get_triplet()]
+        pairs = [self.columns(w)[part] for w in range(self.intervals) for part in local]
+        pairs += [len(DIMENSIONS) * k + part for k in range(self.layout.joints) for part in local_motor]
+        a, b = np.concatenate(pairs[0::2]), np.concatenate(pairs[1::2])
+        values = ca.vertcat(_nonzeros(interval), _nonzeros(motor))
+        return _scatter(values, np.minimum(a, b), np.maximum(a, b), (self.size, self.size))
+
+
+def _nonzeros(matrix: Any) -> Any:
+    return matrix.nz[:]
+
+
+def _scatter(values: Any, rows: np.ndarray, cols: np.ndarray, shape: tuple[int, int]) -> Any:
+    """Sparse matrix with `values` added up at (rows, cols); entries with a negative index are dropped."""
+    keep = np.flatnonzero((rows >= 0) & (cols >= 0))
+    flat = cols[keep] * shape[0] + rows[keep]
+    places, inverse = np.unique(flat, return_inverse=True)
+    counts = np.bincount(places // shape[0], minlength=shape[1])
+    sparsity = ca.Sparsity(*shape, np.concatenate([[0], np.cumsum(counts)]).tolist(), (places % shape[0]).tolist())
+    if len(places) == len(flat):
+        order = np.empty(len(places), dtype=int)
+        order[inverse] = keep
+        return ca.MX(sparsity, values[order.tolist()])
+    add = ca.DM.triplet(inverse.tolist(), keep.tolist(), ca.DM.ones(len(keep)), len(places), values.shape[0])
+    return ca.MX(sparsity, add @ values)
