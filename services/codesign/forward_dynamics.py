@@ -22,7 +22,7 @@ def forward_dynamics(arm: Arm, q: Expression, qd: Expression, tau: Expression) -
     n = arm.joints
 
     # ---- outward: transforms, twists, velocity products, bias forces of single bodies
-    X, A_L, A_R, xi_L, p_L, p_R = ([None] * n for _ in range(6))  # type: ignore[var-annotated]
+    X, A_L, A_R, xi_L, p_L, p_R = (_per_joint(n) for _ in range(6))
     I_L: list[Expression] = list(arm.link_inertia)
     V_parent: Expression = ca.DM(6, 1)
     for k in range(n):
@@ -38,7 +38,7 @@ def forward_dynamics(arm: Arm, q: Expression, qd: Expression, tau: Expression) -
         V_parent = V_L
 
     # ---- inward: articulated inertias and bias forces
-    D, mu = [None] * n, [None] * n  # type: ignore[var-annotated]
+    D, mu = _per_joint(n), _per_joint(n)
     for k in reversed(range(n)):
         I_R = arm.rotor_inertia[k]
         U_L, U_R = I_L[k] @ A_L[k], I_R @ A_R[k]
@@ -60,6 +60,11 @@ def forward_dynamics(arm: Arm, q: Expression, qd: Expression, tau: Expression) -
         V_dot = carried + A_L[k] * qdd_k + xi_L[k]
         qdd.append(qdd_k)
     return ca.vertcat(*qdd)
+
+
+def _per_joint(n: int) -> list[Expression]:
+    """Room for one expression a joint."""
+    return [None] * n
 
 
 def _rotor_bias(arm: Arm, k: int, V_carrier: Expression, V_R: Expression) -> Expression:

@@ -62,21 +62,21 @@ def quintic_guess(
     final_time = float(np.clip(time_factor * shortest, low, high))
     stops, tails = _shares(program)
     q, qd, _ = quintic(problem, final_time, stops)
-    i_q, u_d, u_q = _demand(problem, program, instance, design, final_time, stops)
+    i_q, u_d, u_q = _demand(problem, program, instance, design, final_time=final_time, share=stops)
     states = [q, qd / scales_of(problem).speed]
     if program.layout.control == "voltage":
         states += [np.zeros_like(i_q), i_q]
-        _, u_d, u_q = _demand(problem, program, instance, design, final_time, tails)
+        _, u_d, u_q = _demand(problem, program, instance, design, final_time=final_time, share=tails)
         tail = np.hstack([u_d, u_q])
     else:
-        i_q, _, _ = _demand(problem, program, instance, design, final_time, tails)
+        i_q, _, _ = _demand(problem, program, instance, design, final_time=final_time, share=tails)
         tail = np.hstack([np.zeros_like(i_q), i_q])
-    return Guess(_assemble(problem, program, instance, design, final_time, np.hstack(states), tail))
+    return Guess(
+        _assemble(problem, program, instance, design, final_time=final_time, states=np.hstack(states), tail=tail)
+    )
 
 
-def motion_guess(
-    problem: Problem, program: Program, instance: Instance, design: np.ndarray, motion: Motion
-) -> Guess:
+def motion_guess(problem: Problem, program: Program, instance: Instance, design: np.ndarray, motion: Motion) -> Guess:
     """Start from a known motion, on any grid, with a design of shape (n, 7) [m]."""
     scales, (stops, tails) = scales_of(problem), _shares(program)
     low, high = problem.final_time_bounds
@@ -92,7 +92,9 @@ def motion_guess(
     else:
         tail = np.hstack([at(motion.current_d, tails), at(motion.current_q, tails)]) / scales.current
     final_time = float(np.clip(motion.final_time, low, high))
-    return Guess(_assemble(problem, program, instance, design, final_time, np.hstack(states), tail))
+    return Guess(
+        _assemble(problem, program, instance, design, final_time=final_time, states=np.hstack(states), tail=tail)
+    )
 
 
 def _shares(program: Program) -> tuple[np.ndarray, np.ndarray]:
@@ -108,6 +110,7 @@ def _assemble(
     program: Program,
     instance: Instance,
     design: np.ndarray,
+    *,
     final_time: float,
     states: np.ndarray,
     tail: np.ndarray,
@@ -116,7 +119,8 @@ def _assemble(
     N = program.intervals
     intervals = np.hstack([states.reshape(N, -1), tail])
     x = program.join(design / scales_of(problem).design, final_time, intervals)
-    return np.clip(x, instance.lower_x, instance.upper_x)
+    clipped: np.ndarray = np.clip(x, instance.lower_x, instance.upper_x)
+    return clipped
 
 
 def _demand(
@@ -124,6 +128,7 @@ def _demand(
     program: Program,
     instance: Instance,
     design: np.ndarray,
+    *,
     final_time: float,
     share: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -146,7 +151,7 @@ def _shortest_time(problem: Problem, program: Program, instance: Instance, desig
 
     def fits(final_time: float) -> bool:
         _, qd, _ = quintic(problem, final_time, share)
-        parts = _demand(problem, program, instance, design, final_time, share)
+        parts = _demand(problem, program, instance, design, final_time=final_time, share=share)
         return bool((np.abs(qd) <= speed_limit).all() and all((np.abs(part) <= 1).all() for part in parts))
 
     low, high = problem.final_time_bounds

@@ -133,14 +133,22 @@ def unpack_parameters(parameters: Expression, joints: int) -> dict[str, Expressi
 
 def motors_of(design: Expression, p: dict[str, Expression], joints: int) -> list[MotorParameters]:
     """Parameters of every motor from the scaled design vector."""
-    return [
-        motor_parameters(design[7 * k : 7 * k + 7] * p["design_scale"], p["coefficients"]) for k in range(joints)
-    ]
+    return [motor_parameters(design[7 * k : 7 * k + 7] * p["design_scale"], p["coefficients"]) for k in range(joints)]
 
 
 def stacked(motors: list[MotorParameters]) -> MotorParameters:
     """The same parameters as vectors over the joints."""
     return MotorParameters(*(ca.vertcat(*values) for values in zip(*motors, strict=True)))
+
+
+@dataclass(frozen=True)
+class _Plant:
+    """The arm with its motors, as one interval sees them."""
+
+    layout: IntervalLayout
+    arm: Arm
+    motor: MotorParameters  # vectors over the joints
+    p: dict[str, Expression]  # by the names of `parameter_sizes`
 
 
 def interval_expressions(robot: Robot, layout: IntervalLayout) -> IntervalExpressions:
@@ -157,20 +165,15 @@ def interval_expressions(robot: Robot, layout: IntervalLayout) -> IntervalExpres
     arm = build_arm(robot, motors, p["payload"], p["gear_ratio"])
     h = final_time * width
     path = _voltage_path if layout.control == "voltage" else _current_path
-    constraints, effort = path(layout, arm, stacked(motors), p, start, variables, h)
+    constraints, effort = path(_Plant(layout, arm, stacked(motors), p), start, variables, h)
     return IntervalExpressions(start, variables, design, final_time, width, parameters, constraints, effort)
 
 
 def _voltage_path(
-    layout: IntervalLayout,
-    arm: Arm,
-    motor: MotorParameters,
-    p: dict[str, Expression],
-    start: Expression,
-    variables: Expression,
-    h: Expression,
+    plant: _Plant, start: Expression, variables: Expression, h: Expression
 ) -> tuple[Expression, Expression]:
     """The paper's transcription: voltages constant on the interval, all four kinds of states collocated."""
+    layout, motor, p = plant.layout, plant.motor, plant.p
     n, scheme, P = layout.joints, layout.collocation, p["coefficients"][0]
     stops = [start, *(variables[4 * n * j : 4 * n * (j + 1)] for j in range(layout.stops))]
     points = stops[: layout.degree + 1]
@@ -181,7 +184,7 @@ def _voltage_path(
         q, qd, i_d, i_q = _physical(x, p, n)
         _, dqd, di_d, di_q = _physical(slope, p, n)
         defects.append(_kinematic_defect(x, slope, h, p, n))
-        defects.append(_dynamic_defect(layout, arm, motor, p, q, qd, dqd / h, i_q))
+        defects.append(_dynamic_defect(plant, q, qd, dqd / h, i_q))
         steady_d, steady_q = steady_voltages(i_d, i_q, p["gear_ratio"] * qd, motor, P)
         required = ca.vertcat(steady_d + motor.inductance * di_d / h, steady_q + motor.inductance * di_q / h)
         defects.append((required - u) / p["voltage_scale"])  # eq. (1)
@@ -191,15 +194,10 @@ def _voltage_path(
 
 
 def _current_path(
-    layout: IntervalLayout,
-    arm: Arm,
-    motor: MotorParameters,
-    p: dict[str, Expression],
-    start: Expression,
-    variables: Expression,
-    h: Expression,
+    plant: _Plant, start: Expression, variables: Expression, h: Expression
 ) -> tuple[Expression, Expression]:
     """Currents linear on the interval; the voltage follows from eq. (1), in which the motor is flat (MODEL 5)."""
+    layout, motor, p = plant.layout, plant.motor, plant.p
     n, scheme, P = layout.joints, layout.collocation, p["coefficients"][0]
     stops = [start[: 2 * n], *(variables[2 * n * j : 2 * n * (j + 1)] for j in range(layout.stops))]
     points = stops[: layout.degree + 1]
@@ -212,7 +210,7 @@ def _current_path(
         current = first + scheme.points[j] * (last - first)
         i_d, i_q = current[:n], current[n:]
         defects.append(_kinematic_defect(x, slope, h, p, n))
-        defects.append(_dynamic_defect(layout, arm, motor, p, q, qd, slope[n:] * p["speed_scale"] / h, i_q))
+        defects.append(_dynamic_defect(plant, q, qd, slope[n:] * p["speed_scale"] / h, i_q))
         steady_d, steady_q = steady_voltages(i_d, i_q, p["gear_ratio"] * qd, motor, P)
         u = ca.vertcat(steady_d + motor.inductance * di[:n], steady_q + motor.inductance * di[n:])
         voltages.append(u / p["voltage_scale"])
@@ -248,28 +246,18 @@ def _combine(row: Any, points: list[Expression]) -> Expression:
 
 def _physical(x: Expression, p: dict[str, Expression], n: int) -> tuple[Expression, ...]:
     """Scaled state -> q [rad], qd [rad/s], i_d [A], i_q [A]."""
-    return x[:n], x[n : 2 * n] * p["speed_scale"], *(
-        x[k * n : (k + 1) * n] * p["current_scale"] for k in (2, 3)
-    )
+    return x[:n], x[n : 2 * n] * p["speed_scale"], *(x[k * n : (k + 1) * n] * p["current_scale"] for k in (2, 3))
 
 
 def _kinematic_defect(x: Expression, slope: Expression, h: Expression, p: dict[str, Expression], n: int) -> Expression:
     """h qd = polynomial's derivative of q, in units of the speed scale."""
-    return (h * x[n : 2 * n] * p["speed_scale"] - slope[:n])
+    return h * x[n : 2 * n] * p["speed_scale"] - slope[:n]
 
 
-def _dynamic_defect(
-    layout: IntervalLayout,
-    arm: Arm,
-    motor: MotorParameters,
-    p: dict[str, Expression],
-    q: Expression,
-    qd: Expression,
-    qdd: Expression,
-    i_q: Expression,
-) -> Expression:
+def _dynamic_defect(plant: _Plant, q: Expression, qd: Expression, qdd: Expression, i_q: Expression) -> Expression:
     """Eq. (4): motor torque through the gear meets the arm. Inverse dynamics is the fast path (MODEL section 4)."""
-    tau = p["gear_ratio"] * motor_torque(i_q, motor, p["coefficients"][0])
+    layout, arm, p = plant.layout, plant.arm, plant.p
+    tau = p["gear_ratio"] * motor_torque(i_q, plant.motor, p["coefficients"][0])
     if layout.dynamics == "forward":
         return (qdd - forward_dynamics(arm, q, qd, tau)) / p["speed_scale"]
     return (tau - inverse_dynamics(arm, q, qd, qdd)) / p["torque_scale"]

@@ -105,7 +105,14 @@ def _load(robot: Robot, layout: IntervalLayout, library: Path) -> Kernels:
 def cache_key(robot: Robot, layout: IntervalLayout) -> str:
     """Hash of everything that shapes the code: arm, layout, model sources, CasADi, compiler flags, machine."""
     sources = [(Path(__file__).parent / name).read_text() for name in _SHAPING_SOURCES]
-    shape = [_shaping_numbers(robot), asdict(layout), ca.__version__, COMPILER_FLAGS, platform.machine(), sources]
+    shape = [
+        _shaping_numbers(robot),
+        asdict(layout),
+        ca.CasadiMeta.version(),
+        COMPILER_FLAGS,
+        platform.machine(),
+        sources,
+    ]
     return hashlib.sha256(json.dumps(shape, sort_keys=True).encode()).hexdigest()[:32]
 
 
@@ -188,9 +195,3 @@ def _run(command: list[str]) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(f"the C compiler failed: {' '.join(command)}\n{done.stderr.strip()}")
-
-
-def describe(kernels: Kernels) -> str:
-    """For people: what the kernels run on."""
-    return "compiled" if kernels.compiled else "CasADi virtual machine (no C compiler found: solves are slower)"
-

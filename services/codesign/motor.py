@@ -48,7 +48,7 @@ def motor_parameters(design: Expression, coefficients: Expression) -> MotorParam
     """
     L, R_ro, R_so, h_m, h_sy, w_tooth, b_0 = (design[k] for k in range(7))
     c = {name: coefficients[k] for k, name in enumerate(COEFFICIENTS)}
-    P, Q, q_1, n_s = c["pole_pairs"], c["slots"], c["slots_per_phase"], c["turns_per_tooth"]
+    Q, q_1, n_s = c["slots"], c["slots_per_phase"], c["turns_per_tooth"]
     C, h_tip, delta = c["parallel_coils"], c["tooth_tip_height"], c["air_gap"]
     mu_r, f_f = c["recoil_permeability"], c["filling_factor"]
     rho_iron, rho_cu, rho_e = c["iron_density"], c["copper_density"], c["copper_resistivity"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -60,7 +61,8 @@ def feasible_design(motor: MotorData) -> np.ndarray:
     projection = project_design(np.sqrt(motor.lower * motor.upper)[None, :], motor)
     if not projection.feasible:
         raise ValueError("no motor satisfies the design bounds and constraints (2) and (3c) together")
-    return projection.design[0]
+    design: np.ndarray = projection.design[0]
+    return design
 
 
 def violation(design: np.ndarray, motor: MotorData) -> float:
@@ -90,8 +92,15 @@ def _projector() -> ca.Function:
         "f": ca.sumsqr(ratio - 1),
         "g": design_constraints(ratio * target, coefficients),
     }
-    ipopt = {"tol": TOLERANCE, "print_level": 0, "sb": "yes", "max_iter": 500, "bound_relax_factor": 0.0}
-    return ca.nlpsol("project", "ipopt", nlp, {"ipopt": ipopt, "print_time": False})
+    ipopt: dict[str, Any] = {
+        "tol": TOLERANCE,
+        "print_level": 0,
+        "sb": "yes",
+        "max_iter": 500,
+        "bound_relax_factor": 0.0,
+    }
+    options: dict[str, Any] = {"ipopt": ipopt, "print_time": False}
+    return ca.nlpsol("project", "ipopt", nlp, options)
 
 
 def _project_motor(target: np.ndarray, motor: MotorData) -> tuple[np.ndarray, float, bool, str]:

@@ -25,7 +25,8 @@ def skew(w: Expression) -> Expression:
 def rotation(axis: np.ndarray, angle: Expression) -> Expression:
     """Rodrigues' formula for a constant unit axis; exact zeros of the axis stay structural zeros."""
     K = np.array(ca.DM(skew(axis)))
-    return ca.sparsify(ca.DM(np.eye(3))) + ca.sin(angle) * ca.sparsify(ca.DM(K)) + (1 - ca.cos(angle)) * ca.sparsify(ca.DM(K @ K))
+    identity, first, second = (ca.sparsify(ca.DM(part)) for part in (np.eye(3), K, K @ K))
+    return identity + ca.sin(angle) * first + (1 - ca.cos(angle)) * second
 
 
 def motion_to_child(V: Expression, R: Expression, p: np.ndarray) -> Expression:
