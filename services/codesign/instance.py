@@ -89,12 +89,20 @@ def build_instance(problem: Problem, program: Program, widths: np.ndarray | None
 
 
 def objective_weights(problem: Problem) -> tuple[float, float]:
-    """Weights of t_f [1/s] and of the integral of u'u [1/(V2 s)]."""
+    """Weights of t_f [1/s] and of the integral of u'u [1/(V2 s)].
+
+    Raises
+    ------
+    ValueError
+        For a weighted objective without its references (`solve.with_references`).
+    """
     objective = problem.objective
     if objective.kind == "time":
         return 1.0, 0.0
     if objective.kind == "energy":
         return 0.0, EFFORT_SCALE
+    if objective.time_reference is None or objective.effort_reference is None:
+        raise ValueError("the weighted objective needs time_reference and effort_reference")
     return (1 - objective.alpha) / objective.time_reference, objective.alpha / objective.effort_reference
 
 

@@ -46,13 +46,18 @@ class Objective:
 
     kind: str = "time"
     alpha: float = 0.0
-    time_reference: float = 1.0  # s
-    effort_reference: float = 1.0  # V2 s
+    time_reference: float | None = None  # s; None: the task's own minimum time (solve.references)
+    effort_reference: float | None = None  # V2 s; None: the integral of u'u of that motion
     final_time_bounds: tuple[float, float] = FINAL_TIME_BOUNDS
 
     def __post_init__(self) -> None:
         if self.kind not in OBJECTIVES:
             raise ValueError(f"objective.kind {self.kind!r}: must be one of {', '.join(OBJECTIVES)}")
+
+    @property
+    def is_resolved(self) -> bool:
+        """Whether its numbers are all there: a `weighted` one needs both references."""
+        return self.kind != "weighted" or None not in (self.time_reference, self.effort_reference)
 
 
 @dataclass(frozen=True)

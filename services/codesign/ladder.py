@@ -1,0 +1,153 @@
+"""What is tried, in order, until a solve succeeds.
+
+1. `quintic`: the dynamic guess with a feasible starting design. All 25 tasks of the paper solve on this rung, for
+   every objective.
+2. `slower motion`: the same, stretched in time (where the time is free): far from the voltage limit.
+3. `strongest motor`: the starting design with the most torque per ampere, for heavy payloads.
+4. `coarse grid`: a fifth of the intervals first, then its motion on the full grid.
+A start that is handed in comes before them. What the last rung leaves unsolved goes to `diagnose`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from services.codesign.guess import Guess, motion_guess, quintic_guess
+from services.codesign.instance import Instance, build_instance, scales_of
+from services.codesign.motion import read_motion
+from services.codesign.problem import Problem
+from services.codesign.program import Program, load_program
+from services.codesign.reconcile import feasible_design
+from services.codesign.solution import Attempt, Start
+from services.codesign.solver import OUT_OF_TIME, STOPPED, Outcome, Progress, SolverOptions, run
+from services.codesign.strongest_motor import strongest_motor
+
+SLOWER = 2.0
+"""Stretch of the motion time on the second rung."""
+
+COARSE = 5
+"""The coarse grid has this many times fewer intervals, but at least `COARSEST`."""
+
+COARSEST = 8
+
+
+@dataclass(frozen=True)
+class Climb:
+    """The last attempt's outcome and the record of all."""
+
+    outcome: Outcome
+    attempts: tuple[Attempt, ...]
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A name and the start it makes; None when the rung has nothing to offer for this problem."""
+
+    name: str
+    start: Callable[[], Guess | None]
+
+
+@dataclass
+class _Climber:
+    """A solve under way: runs attempts, keeps their record and the time."""
+
+    options: SolverOptions
+    progress: Progress | None
+    deadline: float
+    attempts: list[Attempt]
+
+    def attempt(self, name: str, program: Program, instance: Instance, start: Guess) -> Outcome:
+        outcome = run(
+            program,
+            instance,
+            start,
+            self.options,
+            progress=self.progress,
+            attempt=len(self.attempts),
+            deadline=self.deadline,
+        )
+        self.attempts.append(Attempt(name, outcome.status, outcome.iterations, outcome.seconds))
+        return outcome
+
+
+def climb(
+    problem: Problem,
+    program: Program,
+    instance: Instance,
+    start: Guess | Start | None,
+    *,
+    options: SolverOptions,
+    progress: Progress | None,
+) -> Climb:
+    """Try one rung after another until one succeeds, time is up, or `progress` asks to stop."""
+    climber = _Climber(options, progress, time.monotonic() + options.max_wall_time, [])
+    outcome = None
+    for rung in _rungs(problem, program, instance, start, climber):
+        guess = rung.start()
+        if guess is None:
+            continue
+        outcome = climber.attempt(rung.name, program, instance, guess)
+        if outcome.success or outcome.status in (STOPPED, OUT_OF_TIME):
+            break
+    assert outcome is not None, "the first rung always offers a start"
+    return Climb(outcome, tuple(climber.attempts))
+
+
+def _rungs(
+    problem: Problem, program: Program, instance: Instance, start: Guess | Start | None, climber: _Climber
+) -> Iterator[Rung]:
+    design = starting_design(problem)
+    if start is not None:
+        yield Rung("given start", lambda: _given(problem, program, instance, start, design))
+    yield Rung("quintic", lambda: quintic_guess(problem, program, instance, design))
+    yield Rung("slower motion", lambda: _slower(problem, program, instance, design))
+    yield Rung("strongest motor", lambda: _strongest(problem, program, instance))
+    yield Rung("coarse grid", lambda: _coarse(problem, program, instance, design, climber))
+
+
+def starting_design(problem: Problem) -> np.ndarray:
+    """The design that the first rungs start from, (n, 7) [m]: the given one, or one well inside the feasible set."""
+    if problem.design is not None:
+        return problem.design
+    return np.tile(feasible_design(problem.motor), (problem.robot.joints, 1))
+
+
+def _given(problem: Problem, program: Program, instance: Instance, start: Guess | Start, fallback: np.ndarray) -> Guess:
+    if isinstance(start, Guess):
+        return start
+    design = problem.design if problem.design is not None else start.design
+    return motion_guess(problem, program, instance, fallback if design is None else design, start.motion)
+
+
+def _slower(problem: Problem, program: Program, instance: Instance, design: np.ndarray) -> Guess | None:
+    low, high = problem.final_time_bounds
+    return None if low == high else quintic_guess(problem, program, instance, design, SLOWER)
+
+
+def _strongest(problem: Problem, program: Program, instance: Instance) -> Guess | None:
+    if problem.design is not None:
+        return None
+    design = np.tile(strongest_motor(problem.motor), (problem.robot.joints, 1))
+    return quintic_guess(problem, program, instance, design)
+
+
+def _coarse(
+    problem: Problem, program: Program, instance: Instance, design: np.ndarray, climber: _Climber
+) -> Guess | None:
+    intervals = max(program.intervals // COARSE, COARSEST)
+    if intervals >= program.intervals:
+        return None
+    coarse = replace(problem, transcription=replace(problem.transcription, intervals=intervals))
+    coarse_program = load_program(problem.robot, program.layout, intervals)
+    coarse_instance = build_instance(coarse, coarse_program)
+    guess = quintic_guess(coarse, coarse_program, coarse_instance, design)
+    outcome = climber.attempt(f"coarse grid of {intervals} intervals", coarse_program, coarse_instance, guess)
+    if not outcome.success:
+        return None
+    found, _, _ = coarse_program.split(outcome.x)
+    motion = read_motion(coarse, coarse_program, outcome.x)
+    return motion_guess(problem, program, instance, found * scales_of(problem).design, motion)
