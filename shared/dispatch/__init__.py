@@ -1,0 +1,1 @@
+"""Wake-up messages between processes: the broker, and the one message that travels over it."""

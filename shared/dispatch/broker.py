@@ -1,0 +1,179 @@
+"""The Celery application of every process, and the one thing that is ever sent: the id of a job.
+
+The database is the truth and a message is only a wake-up, so everything Celery can remember about a task (results,
+events, retries, revocations) is switched off. What is left is a queue of ids with late acknowledgement.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from celery import Celery
+from kombu.transport import TRANSPORT_ALIASES
+
+from shared.dispatch.folder_transport import SCHEME, folder_url
+
+QUEUE = "armature"
+# Far above the longest job: the sweep of the database re-sends a lost job within minutes, so a time-out of the broker
+# is only the last resort, and one shorter than a job would start that job again while it runs.
+VISIBILITY_TIMEOUT_S = 6 * 3600.0
+# Longest wait for an answer of Redis before it counts as gone.
+SOCKET_TIMEOUT_S = 10.0
+
+
+def celery_app(
+    broker_url: str, *, name: str = "armature", queue: str = QUEUE, visibility_timeout_s: float = VISIBILITY_TIMEOUT_S
+) -> Celery:
+    """Make the Celery application for a broker.
+
+    Parameters
+    ----------
+    broker_url
+        `embedded://FOLDER`, the folder being an absolute path taken as it stands, or a URL of kombu's (`redis://...`).
+    name
+        Name of the application, in logs.
+    queue
+        The one queue that is sent to and consumed from.
+    visibility_timeout_s
+        Age of an unacknowledged message [s] at which it is delivered again.
+
+    Returns
+    -------
+    Celery
+        An application without tasks. Nothing is connected, and no global state is set.
+
+    Raises
+    ------
+    ValueError
+        The URL names no folder.
+    """
+    TRANSPORT_ALIASES[SCHEME] = "shared.dispatch.folder_transport:Transport"
+    embedded = broker_url.startswith(f"{SCHEME}:")
+    url = _embedded_url(broker_url) if embedded else broker_url
+    app = Celery(name, broker=url, set_as_current=False)
+    app.conf.update(
+        # An environment variable of Celery's must not send part of the traffic elsewhere.
+        broker_read_url=url,
+        broker_write_url=url,
+        broker_transport_options=_transport_options(visibility_timeout_s, embedded=embedded),
+        broker_connection_retry_on_startup=True,
+        broker_connection_max_retries=None,  # a worker outlives any outage of its broker
+        task_default_queue=queue,
+        task_create_missing_queues=False,
+        # Acknowledged when the job is done. A worker that dies leaves its message to the time-out; it is not put back
+        # at once, because a job that kills its process would come back for ever: the database counts attempts.
+        task_acks_late=True,
+        task_reject_on_worker_lost=False,
+        task_acks_on_failure_or_timeout=True,
+        worker_prefetch_multiplier=1,
+        worker_disable_prefetch=not embedded,
+        # A solve goes on while the broker is away: its lease is in the database.
+        worker_cancel_long_running_tasks_on_connection_loss=False,
+        task_ignore_result=True,
+        task_store_errors_even_if_ignored=False,
+        result_backend=None,
+        worker_enable_remote_control=False,
+        worker_send_task_events=False,
+        task_send_sent_event=False,
+        task_serializer="json",
+        accept_content=["json"],
+        worker_hijack_root_logger=False,
+        worker_redirect_stdouts=False,
+        enable_utc=True,
+    )
+    return app
+
+
+def send(app: Celery, task_name: str, job_id: str | int) -> None:
+    """Wake some worker up for a job.
+
+    Parameters
+    ----------
+    app
+        From `celery_app`.
+    task_name
+        Name of the task; the sender does not import it.
+    job_id
+        Id of the job in the database. Nothing else travels.
+
+    Raises
+    ------
+    kombu.exceptions.OperationalError
+        The broker did not take the message. Whoever keeps the outbox sends it again.
+    """
+    # One retry, at once: after a restart of the broker the first use of a pooled connection finds it dead.
+    policy = {"max_retries": 1, "interval_start": 0, "interval_step": 0, "interval_max": 0}
+    app.send_task(task_name, args=[job_id], ignore_result=True, retry=True, retry_policy=policy)
+
+
+def broker_reachable(app: Celery, timeout_s: float = 2.0) -> bool:
+    """Tell whether the broker answers.
+
+    Parameters
+    ----------
+    app
+        From `celery_app`.
+    timeout_s
+        Longest wait for one answer [s].
+
+    Returns
+    -------
+    bool
+        Whether a connection was made and the broker answered on it.
+    """
+    options = {"socket_timeout": timeout_s, "socket_connect_timeout": timeout_s}
+    try:
+        with app.connection_for_write(connect_timeout=timeout_s, transport_options=options) as connection:
+            connection.ensure_connection(max_retries=0, timeout=timeout_s)
+    except Exception:
+        return False
+    return True
+
+
+def queue_size(app: Celery) -> int:
+    """Count the messages that wait for a worker.
+
+    Raises
+    ------
+    kombu.exceptions.OperationalError
+        The broker cannot be reached.
+    """
+    with app.connection_for_write() as connection, connection.channel() as channel:
+        return int(channel.queue_declare(app.conf.task_default_queue).message_count)
+
+
+def worker_arguments(concurrency: int, *, hostname: str = "armature@%h", loglevel: str = "WARNING") -> list[str]:
+    """Arguments of `app.worker_main` that start a worker, the same over every broker.
+
+    Gossip, mingle and heartbeats are conversations between workers; the database knows which of them live.
+    """
+    return [
+        "worker",
+        f"--concurrency={concurrency}",
+        "--pool=prefork",
+        "--prefetch-multiplier=1",
+        "--without-gossip",
+        "--without-mingle",
+        "--without-heartbeat",
+        f"--hostname={hostname}",
+        f"--loglevel={loglevel}",
+    ]
+
+
+def _embedded_url(broker_url: str) -> str:
+    folder = Path(broker_url.removeprefix(f"{SCHEME}://"))
+    if not folder.is_absolute() or folder == Path(folder.anchor):
+        raise ValueError(f"broker URL {broker_url!r}: expected {SCHEME}:///absolute/path/of/a/folder")
+    return folder_url(folder)
+
+
+def _transport_options(visibility_timeout_s: float, *, embedded: bool) -> dict[str, Any]:
+    if embedded:
+        return {"visibility_timeout": visibility_timeout_s}
+    return {
+        "visibility_timeout": visibility_timeout_s,
+        "socket_timeout": SOCKET_TIMEOUT_S,
+        "socket_connect_timeout": SOCKET_TIMEOUT_S,
+        "socket_keepalive": True,
+    }
