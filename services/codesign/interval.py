@@ -44,6 +44,13 @@ class IntervalLayout:
     control: str = "voltage"
     dynamics: str = "inverse"
 
+    def __post_init__(self) -> None:
+        collocation(self.scheme, self.degree)
+        if self.control not in CONTROLS:
+            raise ValueError(f"control {self.control!r}: must be one of {', '.join(CONTROLS)}")
+        if self.dynamics not in DYNAMICS:
+            raise ValueError(f"dynamics {self.dynamics!r}: must be one of {', '.join(DYNAMICS)}")
+
     @property
     def collocation(self) -> Collocation:
         """The scheme's points and matrices."""

@@ -45,6 +45,7 @@ _SHAPING_SOURCES = (
     "kernels.py",
     "motor.py",
     "motor_data.py",
+    "robot.py",
     "spatial.py",
 )
 

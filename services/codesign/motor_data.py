@@ -7,7 +7,7 @@ the places where the printed text and Table I disagree.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -35,7 +35,7 @@ _MM = 1e-3
 
 
 class MotorDataError(ValueError):
-    """A motor constant has no meaning; `field`, `value` and `limit` say which and why."""
+    """A motor constant has no meaning; `field`, `value` and `limit` say which and why, as on the wire."""
 
     def __init__(self, field_name: str, value: object, limit: str) -> None:
         super().__init__(f"motor.{field_name} = {value}: {limit}")
@@ -85,6 +85,22 @@ class MotorData:
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=_default_bounds)
 
     def __post_init__(self) -> None:
+        for wire, (name, unit) in _WIRE.items():
+            value = getattr(self, name)
+            if not 0 < value < math.inf:
+                raise MotorDataError(wire, value / unit if unit != 1 else value, "must be finite and above 0")
+            if name in _WHOLE and not isinstance(value, int):
+                raise MotorDataError(wire, value, "must be a whole number")
+        if self.magnet_arc > math.pi:
+            raise MotorDataError("magnet_arc_rad", self.magnet_arc, "at most pi, the whole pole")
+        if self.filling_factor > 1:
+            raise MotorDataError("filling_factor", self.filling_factor, "at most 1, a slot of solid copper")
+        self._check_winding()
+        self._check_bounds()
+
+    def _check_winding(self) -> None:
+        if self.phases != 3:
+            raise MotorDataError("phases", self.phases, "must be 3, for which the dq equations hold")
         if self.slots % self.phases:
             raise MotorDataError("slots", self.slots, f"must be a multiple of phases = {self.phases}")
         balanced = self.slots // math.gcd(self.slots, self.pole_pairs)
@@ -95,6 +111,21 @@ class MotorData:
                 f"with {self.pole_pairs} pole pairs no balanced {self.phases}-phase winding exists: "
                 f"slots / gcd(slots, pole_pairs) = {balanced} must be a multiple of {self.phases}",
             )
+        if self.slots_per_phase % self.parallel_coils:
+            raise MotorDataError(
+                "parallel_coils",
+                self.parallel_coils,
+                f"must divide the {self.slots_per_phase} coils of a phase",
+            )
+
+    def _check_bounds(self) -> None:
+        if unknown := set(self.bounds) - set(DIMENSIONS):
+            raise MotorDataError(f"bounds_mm.{min(unknown)}", "", f"unknown; known are {', '.join(DIMENSIONS)}")
+        for name in DIMENSIONS:
+            low, high = self.bounds[name]
+            if not 0 < low <= high < math.inf:
+                limits = [low / _MM, high / _MM]
+                raise MotorDataError(f"bounds_mm.{name}", limits, "must be finite, above 0, the lower one first")
 
     @property
     def slots_per_phase(self) -> int:
@@ -108,7 +139,10 @@ class MotorData:
 
     @property
     def distribution_factor(self) -> float:
-        """k_d of a concentrated winding  (appendix, Flux)."""
+        """k_d of a concentrated winding with belts of 60 degrees  (appendix, Flux).
+
+        The printed gcd(q_1, 2P) counts the coils of a belt that point the same way for every balanced winding.
+        """
         q_pm = self.slots_per_phase // math.gcd(self.slots_per_phase, 2 * self.pole_pairs)
         return math.sin(math.pi / 6) / (q_pm * math.sin(math.pi / (6 * q_pm)))
 
@@ -158,14 +192,28 @@ class MotorData:
         values: dict[str, Any] = {}
         for key, value in wire.items():
             if key == "bounds_mm":
-                bounds = {name: (low * _MM, high * _MM) for name, (low, high) in value.items()}
+                bounds = {name: _bounds_from_wire(name, pair) for name, pair in value.items()}
                 values["bounds"] = {**_default_bounds(), **bounds}
             elif key in _WIRE:
                 name, unit = _WIRE[key]
-                values[name] = value * unit if unit != 1 else value
+                number = _number(key, value)
+                values[name] = int(number) if name in _WHOLE and number % 1 == 0 else number * unit
             else:
                 raise MotorDataError(key, value, f"unknown; known are {', '.join(sorted(_WIRE))}, bounds_mm")
         return cls(**values)
+
+
+def _number(key: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise MotorDataError(key, value, "must be a number")
+    return value
+
+
+def _bounds_from_wire(name: str, pair: Any) -> tuple[float, float]:
+    if not isinstance(pair, Sequence) or len(pair) != 2:
+        raise MotorDataError(f"bounds_mm.{name}", pair, "must be [lower, upper] in mm")
+    low, high = (_number(f"bounds_mm.{name}", value) * _MM for value in pair)
+    return low, high
 
 
 COEFFICIENTS = (
@@ -211,3 +259,6 @@ _WIRE: dict[str, tuple[str, float]] = {
     "current_limit_A": ("current_limit", 1),
     "voltage_limit_V": ("voltage_limit", 1),
 }
+"""Name on the wire -> (field, SI value of one of its units)."""
+
+_WHOLE = ("pole_pairs", "slots", "phases", "parallel_coils")

@@ -17,8 +17,32 @@ PAYLOAD_RADIUS = 0.05
 """Radius [m] of the payload, a solid ball (MODEL section 3)."""
 
 
+TOLERANCE = 1e-6
+"""How far axes may be from unit length, and poses and inertias from rigid, for figures rounded to six digits."""
+
+_WIRE = {
+    "gravity": "gravity_m_s2",
+    "screw_axes": "screw_axes_space",
+    "link_com_home": "link_com_home",
+    "link_mass": "link_mass_kg",
+    "link_inertia": "link_inertia_com_kg_m2",
+    "motor_position": "motor_position_home_m",
+    "tool_home": "tool_home",
+    "gear_ratio": "gear_ratio",
+}
+"""Fields of `Robot` that are arrays of the robot JSON, with their names there."""
+
+_WIRE_LIMITS, _WIRE_SPEED = "joint_position_limit_rad", "rotor_speed_limit_rad_s"
+_WIRE_TEXTS = ("name", "description", "source")
+
+
 class RobotError(ValueError):
-    """A robot file does not describe an arm; the message names the field."""
+    """A robot file does not describe an arm; the message begins with the field's name in the file, `field`."""
+
+    def __init__(self, field: str, reason: str) -> None:
+        super().__init__(f"{field}: {reason}")
+        self.field = field
+        self.reason = reason
 
 
 @dataclass(frozen=True)
@@ -33,14 +57,27 @@ class Robot:
     link_inertia: np.ndarray  # (n, 3, 3) kg m2 about the centre of mass, axes of `link_com_home`
     motor_position: np.ndarray  # (n, 3) m, space frame
     tool_home: np.ndarray  # (4, 4)
-    gear_ratio: np.ndarray  # (n,) rotor turns per joint turn, relative to the previous link
+    gear_ratio: np.ndarray  # (n,) rotor turns per joint turn, relative to the previous link; < 0 where it reverses
     joint_lower: np.ndarray  # (n,) rad
     joint_upper: np.ndarray  # (n,) rad
     rotor_speed_limit: float  # rad/s
 
     def __post_init__(self) -> None:
+        self._check_shapes()
+        self._check_geometry()
+        self._check_bodies()
+        if not (self.gear_ratio != 0).all():
+            raise RobotError("gear_ratio", f"{self.gear_ratio.tolist()}: must not be 0")
+        if not (self.joint_lower < self.joint_upper).all():
+            limits = np.column_stack([self.joint_lower, self.joint_upper]).tolist()
+            raise RobotError(_WIRE_LIMITS, f"{limits}: each lower limit must lie below its upper one")
+        if not 0 < self.rotor_speed_limit < np.inf:
+            raise RobotError(_WIRE_SPEED, f"{self.rotor_speed_limit}: must be finite and above 0")
+
+    def _check_shapes(self) -> None:
         n = self.joints
-        shapes = {
+        shapes: dict[str, tuple[int, ...]] = {
+            "gear_ratio": (n,),
             "gravity": (3,),
             "screw_axes": (n, 6),
             "link_com_home": (n, 4, 4),
@@ -52,16 +89,39 @@ class Robot:
             "joint_upper": (n,),
         }
         for name, shape in shapes.items():
-            if getattr(self, name).shape != shape:
-                raise RobotError(f"{name}: shape {getattr(self, name).shape}, but {n} joints need {shape}")
-        norms = np.linalg.norm(self.screw_axes[:, :3], axis=1)
-        if not np.allclose(norms, 1, atol=1e-9):
-            raise RobotError(f"screw_axes: rotation parts must be unit vectors, their lengths are {norms.tolist()}")
+            array, wire = getattr(self, name), _WIRE.get(name, _WIRE_LIMITS)
+            if array.shape != shape:
+                raise RobotError(wire, f"shape {array.shape}, but {n} joints need {shape}")
+            if not np.isfinite(array).all():
+                raise RobotError(wire, "every entry must be a finite number")
+
+    def _check_geometry(self) -> None:
+        axes, moments = self.screw_axes[:, :3], self.screw_axes[:, 3:]
+        norms = np.linalg.norm(axes, axis=1)
+        if not np.allclose(norms, 1, atol=TOLERANCE):
+            raise RobotError("screw_axes_space", f"axes must be unit vectors, their lengths are {norms.tolist()}")
+        pitch = np.sum(axes * moments, axis=1)
+        if not np.allclose(pitch, 0, atol=TOLERANCE):
+            raise RobotError("screw_axes_space", f"joints must be revolute, the pitches are {pitch.tolist()} m/rad")
+        for name in ("link_com_home", "tool_home"):
+            for pose in getattr(self, name).reshape(-1, 4, 4):
+                R = pose[:3, :3]
+                proper = np.allclose(R @ R.T, np.eye(3), atol=TOLERANCE) and np.linalg.det(R) > 0
+                if not proper or not np.array_equal(pose[3], [0, 0, 0, 1]):
+                    raise RobotError(name, f"{pose.tolist()}: not the pose of a rigid body")
+
+    def _check_bodies(self) -> None:
+        if not (self.link_mass >= 0).all():
+            raise RobotError("link_mass_kg", f"{self.link_mass.tolist()}: must not be negative")
+        for inertia in self.link_inertia:
+            size = TOLERANCE * np.abs(inertia).max()
+            if not np.allclose(inertia, inertia.T, atol=size) or np.linalg.eigvalsh(inertia).min() < -size:
+                raise RobotError("link_inertia_com_kg_m2", f"{inertia.tolist()}: must be symmetric and not negative")
 
     @property
     def joints(self) -> int:
         """Number of joints n."""
-        return len(self.gear_ratio)
+        return self.gear_ratio.size
 
     @property
     def joint_origins(self) -> np.ndarray:
@@ -76,7 +136,8 @@ class Robot:
     @property
     def joint_speed_limit(self) -> np.ndarray:
         """|qd| allowed by the rotor speed limit and the gears, shape (n,), rad/s  (eq. 5c)."""
-        return self.rotor_speed_limit / self.gear_ratio
+        limit: np.ndarray = self.rotor_speed_limit / np.abs(self.gear_ratio)
+        return limit
 
     @classmethod
     def from_wire(cls, wire: Mapping[str, Any]) -> Robot:
@@ -85,26 +146,23 @@ class Robot:
         Raises
         ------
         RobotError
-            When a field is missing or its shape does not fit the number of joints.
+            When a field is missing or unknown, or says something that no arm can be.
         """
-        try:
-            limits = _array(wire["joint_position_limit_rad"])
-            return cls(
-                name=str(wire["name"]),
-                gravity=_array(wire["gravity_m_s2"]),
-                screw_axes=_array(wire["screw_axes_space"]),
-                link_com_home=_array(wire["link_com_home"]),
-                link_mass=_array(wire["link_mass_kg"]),
-                link_inertia=_array(wire["link_inertia_com_kg_m2"]),
-                motor_position=_array(wire["motor_position_home_m"]),
-                tool_home=_array(wire["tool_home"]),
-                gear_ratio=_array(wire["gear_ratio"]),
-                joint_lower=limits[:, 0],
-                joint_upper=limits[:, 1],
-                rotor_speed_limit=float(wire["rotor_speed_limit_rad_s"]),
-            )
-        except KeyError as missing:
-            raise RobotError(f"the robot lacks the field {missing}") from missing
+        needed = ("name", *_WIRE.values(), _WIRE_LIMITS, _WIRE_SPEED)
+        if missing := [key for key in needed if key not in wire]:
+            raise RobotError(missing[0], "missing")
+        if unknown := set(wire) - set(needed) - set(_WIRE_TEXTS):
+            raise RobotError(min(unknown), f"unknown; known are {', '.join([*needed, *_WIRE_TEXTS[1:]])}")
+        limits = _array(wire, _WIRE_LIMITS)
+        if limits.ndim != 2 or limits.shape[1] != 2:
+            raise RobotError(_WIRE_LIMITS, f"shape {limits.shape}, but each joint needs a lower and an upper limit")
+        return cls(
+            name=str(wire["name"]),
+            joint_lower=limits[:, 0],
+            joint_upper=limits[:, 1],
+            rotor_speed_limit=float(_array(wire, _WIRE_SPEED, dimensions=0)),
+            **{name: _array(wire, key) for name, key in _WIRE.items()},
+        )
 
     @classmethod
     def preset(cls, name: str) -> Robot:
@@ -112,8 +170,16 @@ class Robot:
         return cls.from_wire(preset_wire(name))
 
 
-def _array(values: Any) -> np.ndarray:
-    array = np.array(values, dtype=float)
+def _array(wire: Mapping[str, Any], key: str, dimensions: int | None = None) -> np.ndarray:
+    """The numbers of a field, read-only."""
+    try:
+        array = np.array(wire[key], dtype=float)
+    except (TypeError, ValueError) as not_numbers:
+        raise RobotError(key, "must be numbers, in rows of equal length") from not_numbers
+    if dimensions is not None and array.ndim != dimensions:
+        raise RobotError(key, f"{wire[key]}: must have {dimensions} dimensions")
+    if array.size == 0:
+        raise RobotError(key, "must not be empty")
     array.setflags(write=False)
     return array
 
@@ -133,6 +199,6 @@ def preset_wire(name: str) -> dict[str, Any]:
         For an unknown name.
     """
     if name not in preset_names():
-        raise RobotError(f"unknown robot {name!r}; presets: {', '.join(preset_names())}")
+        raise RobotError("robot", f"unknown robot {name!r}; presets: {', '.join(preset_names())}")
     data: dict[str, Any] = json.loads((files("services.codesign") / "robots" / f"{name}.json").read_text())
     return data
