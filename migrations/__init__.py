@@ -1,0 +1,1 @@
+"""Alembic migrations; run by `shared.db.migrate.upgrade`."""

@@ -1,0 +1,37 @@
+"""A solution's arrays in one compressed column: the motion on its grid, and the solver's point with multipliers."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import fields
+
+import numpy as np
+
+from services.codesign.motion import Motion
+from services.codesign.solution import Solution
+
+POINT = ("x", "lam_x", "lam_g")
+"""The program's variables and multipliers, scaled, beside the fields of `Motion`."""
+
+
+def pack(solution: Solution) -> bytes:
+    """Motion, design and solver point of a successful solve as a NumPy archive, exact to the last bit."""
+    assert solution.motion is not None
+    assert solution.design is not None
+    arrays = {field.name: getattr(solution.motion, field.name) for field in fields(Motion)}
+    arrays |= {name: getattr(solution, name) for name in POINT}
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, design=solution.design, **arrays)
+    return buffer.getvalue()
+
+
+def unpack(blob: bytes) -> dict[str, np.ndarray]:
+    """Arrays by name."""
+    with np.load(io.BytesIO(blob), allow_pickle=False) as archive:
+        return {name: archive[name] for name in archive.files}
+
+
+def unpack_motion(blob: bytes) -> tuple[Motion, np.ndarray]:
+    """The motion and its design, shape (n, 7) [m]."""
+    arrays = unpack(blob)
+    return Motion(**{field.name: arrays[field.name] for field in fields(Motion)}), arrays["design"]

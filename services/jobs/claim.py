@@ -1,0 +1,81 @@
+"""Leases: claim a job, keep it, give it back.
+
+A claim is a conditional UPDATE; its token fences off anyone whose lease was lost in the meantime.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sqlalchemy import Engine, select, update
+
+from services.jobs.plan import JobSpec
+from services.jobs.store import lock_application, record_transition, silence
+from shared.db.clock import now
+from shared.db.engine import reading, transaction
+from shared.db.tables import Application, Job
+from shared.domain import ApplicationState, JobState, Stage
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A lease on a job."""
+
+    job_id: str
+    application_id: str
+    generation: int
+    spec: JobSpec
+    token: int
+    worker: str
+
+
+def claim(engine: Engine, job_id: str, worker: str, lease_s: float) -> Claim | None:
+    """Take a queued job; None when it is not queued (a doubled or late message) or gone."""
+    with transaction(engine) as session:
+        application_id = session.scalar(
+            select(Job.application_id).where(Job.id == job_id, Job.state == JobState.QUEUED)
+        )
+        if application_id is None:
+            return None
+        application = lock_application(session, application_id)
+        job = session.get(Job, job_id, populate_existing=True)
+        if application is None or job is None or job.state != JobState.QUEUED:
+            return None
+        record_transition(session, job, JobState.RUNNING, worker)
+        job.state, job.worker, job.lease_until = JobState.RUNNING, worker, now() + lease_s
+        job.token, job.attempts = job.token + 1, job.attempts + 1
+        if job.started_at is None:
+            job.started_at = now()
+        if application.state == ApplicationState.QUEUED:
+            application.state, application.started_at = ApplicationState.RUNNING, now()
+        session.flush()
+        silence(session, [job_id])
+        spec = JobSpec(Stage(job.stage), job.method, job.task_index)
+        return Claim(job_id, application_id, job.generation, spec, job.token, worker)
+
+
+@dataclass(frozen=True)
+class Pulse:
+    """What a worker learns when it renews its lease."""
+
+    mine: bool
+    cancelled: bool
+
+
+def renew(engine: Engine, held: Claim, lease_s: float) -> Pulse:
+    """Extend the lease; `mine` is False when it was lost."""
+    with transaction(engine) as session:
+        renewed = session.execute(
+            update(Job)
+            .where(Job.id == held.job_id, Job.token == held.token, Job.state == JobState.RUNNING)
+            .values(lease_until=now() + lease_s)
+            .returning(Job.id)
+        ).first()
+    return Pulse(mine=renewed is not None, cancelled=cancel_requested(engine, held))
+
+
+def cancel_requested(engine: Engine, held: Claim) -> bool:
+    """Whether the application of a claimed job is to be cancelled (or was deleted)."""
+    with reading(engine) as session:
+        flag = session.scalar(select(Application.cancel_requested).where(Application.id == held.application_id))
+    return flag is None or flag

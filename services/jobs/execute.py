@@ -1,0 +1,105 @@
+"""Run one job: the numerics between what was read from the database and what will be written to it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from services.codesign.measures import Measures
+from services.codesign.reconcile import mean_design, project_design
+from services.codesign.solution import Solution
+from services.codesign.solve import SolverOptions, solve, with_references
+from services.codesign.solver import STOPPED, Progress
+from services.jobs.arrays import pack
+from services.jobs.finish import Outcome
+from services.jobs.resolved import ResolvedApplication
+from services.jobs.work import MILLIMETRE, Work
+from shared.domain import JobState, Stage
+
+
+def execute(work: Work, options: SolverOptions, progress: Progress) -> Outcome:
+    """Do a job's work; `progress` is called at every solver iteration and stops the solve when it returns True."""
+    if work.spec.stage == Stage.RECONCILE:
+        return _reconcile(work)
+    problem = work.application.build_problem(work.spec.task_index, work.design)
+    if work.references is not None:
+        problem = with_references(problem, work.references)
+    return _outcome(work.application, solve(problem, work.start, options, progress))
+
+
+def _outcome(application: ResolvedApplication, solution: Solution) -> Outcome:
+    if not solution.success:
+        state = JobState.CANCELLED if solution.status == STOPPED else JobState.FAILED
+        return Outcome(state, solution.reason, summary=_how(solution))
+    assert solution.measures is not None
+    assert solution.design is not None
+    summary = _how(solution) | _measures(solution.measures)
+    objective = solution.problem.objective
+    if objective.kind == "weighted":
+        summary["references"] = {"time_s": objective.time_reference, "energy_V2s": objective.effort_reference}
+    summary["objective"] = solution.objective
+    summary["design_mm"] = design_mm(solution.design)
+    return Outcome(JobState.SUCCEEDED, None, application.objective_value(summary), summary, pack(solution))
+
+
+def _how(solution: Solution) -> dict[str, Any]:
+    """How a solve went."""
+    return {
+        "solver_status": solution.status,
+        "reason": solution.reason,
+        "iterations": solution.iterations,
+        "solve_time_s": solution.solve_time,
+        "attempts": [
+            {"name": a.name, "solver_status": a.status, "iterations": a.iterations, "solve_time_s": a.seconds}
+            for a in solution.attempts
+        ],
+        "certificate": {
+            "kkt_residual": _finite(solution.kkt_residual),
+            "limit_violation": _finite(solution.constraint_violation),
+        },
+    }
+
+
+def _measures(measures: Measures) -> dict[str, Any]:
+    return {
+        "final_time_s": measures.final_time,
+        "energy_V2s": measures.effort,
+        "electrical_energy_J": measures.electrical_energy,
+        "copper_loss_J": measures.copper_loss,
+        "recovered_energy_J": measures.recovered_energy.tolist(),
+        "peaks": {name: values.tolist() for name, values in measures.peaks.items()},
+        "rms": {name: values.tolist() for name, values in measures.rms.items()},
+    }
+
+
+def _reconcile(work: Work) -> Outcome:
+    """Designs of all methods: Problem 2 for the mean, a task's own design for the others."""
+    application, designs = work.application, {}
+    for method in application.methods:
+        if method == "two_step":
+            solved = sorted(work.own_designs)
+            weights = [application.tasks[k].weight for k in solved]
+            mean = mean_design([work.own_designs[k] for k in solved], weights)
+            projection = project_design(mean, application.build_motor())
+            designs["mean"] = {"design_mm": design_mm(mean), "tasks": solved}
+            if projection.feasible:
+                distance = {"distance": projection.distance, "solver_status": projection.status}
+                designs[method] = {"design_mm": design_mm(projection.design), **distance}
+        elif (task := application.design_task(method)) in work.own_designs:
+            designs[method] = {"design_mm": design_mm(work.own_designs[task]), "task": task}
+    missing = [method for method in application.methods if method not in designs]
+    reason = f"no design for {', '.join(missing)}" if missing else None
+    state = JobState.FAILED if application.method in missing else JobState.SUCCEEDED
+    return Outcome(state, reason, summary={"methods": sorted(designs)}, designs=designs)
+
+
+def design_mm(design: np.ndarray) -> list[list[float]]:
+    """Shape (n, 7) in m -> nested lists in mm."""
+    values: list[list[float]] = (design / MILLIMETRE).tolist()
+    return values
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,200 @@
+"""From a request to a resolved application, or a refusal that names field, value and limit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from services.codesign.motor_data import MotorData, MotorDataError
+from services.codesign.reconcile import feasible_design
+from services.codesign.robot import Robot, RobotError, preset_names, preset_wire
+from services.jobs.resolved import ResolvedApplication, ResolvedTask
+from shared.contracts.application import ApplicationRequest, GridRequest, MotorRequest, TaskRequest
+from shared.contracts.errors import FieldError, InvalidInputError
+
+RobotLookup = Callable[[str], Mapping[str, Any] | None]
+"""Finds an uploaded robot by id; None when there is none."""
+
+Located = tuple[str, ResolvedTask]
+"""A task and the field of the request that it came from."""
+
+
+def resolve(request: ApplicationRequest, find_robot: RobotLookup, max_tasks: int) -> ResolvedApplication:
+    """Fill in defaults and check everything that needs the robot.
+
+    Raises
+    ------
+    InvalidInputError
+        With every error found.
+    """
+    wire, robot = _robot(request.robot, find_robot)
+    motor = _motor(request.motor)
+    located = list(_tasks(request, robot, max_tasks))
+    errors = [error for field, task in located for error in _task_errors(field, task, robot)]
+    errors += _duplicate_names(located)
+    if request.objective.kind == "energy":
+        errors += _durations(request, located)
+    if not errors:
+        errors += _motor_feasible(motor)
+    tasks = [task for _, task in located]
+    grid = None if isinstance(request.tasks, list) else request.tasks.grid
+    chosen, problems = _chosen_tasks(request, tasks)
+    if errors or problems:
+        raise InvalidInputError([*errors, *problems])
+    return ResolvedApplication(
+        robot=wire,
+        objective=request.objective,
+        tasks=tasks,
+        grid=grid,
+        motor=request.motor,
+        transcription=request.transcription,
+        methods=request.methods,
+        empirical_task=chosen["empirical"],
+        worst_case_task=chosen["worst_case"],
+    )
+
+
+def _robot(given: str | dict[str, Any], find_robot: RobotLookup) -> tuple[dict[str, Any], Robot]:
+    if isinstance(given, dict):
+        wire: Mapping[str, Any] | None = given
+    elif given in preset_names():
+        wire = preset_wire(given)
+    else:
+        wire = find_robot(given)
+    if wire is None:
+        known = ", ".join(preset_names())
+        raise InvalidInputError(
+            [FieldError("robot", given, f"unknown robot; presets are {known}; others need an upload")]
+        )
+    try:
+        return dict(wire), Robot.from_wire(wire)
+    except RobotError as error:
+        raise InvalidInputError([FieldError("robot", None, str(error))]) from error
+
+
+def _motor(request: MotorRequest) -> MotorData:
+    wire = request.to_wire()
+    errors = []
+    for name, bounds in wire.get("bounds_mm", {}).items():
+        if len(bounds) != 2 or not 0 < bounds[0] <= bounds[1]:
+            limit = "must be [low, high] in mm with 0 < low <= high"
+            errors.append(FieldError(f"motor.bounds_mm.{name}", str(bounds), limit))
+    if errors:
+        raise InvalidInputError(errors)
+    try:
+        return MotorData.from_wire(wire)
+    except MotorDataError as error:
+        raise InvalidInputError([FieldError(f"motor.{error.field}", error.value, error.limit)]) from error
+
+
+def _motor_feasible(motor: MotorData) -> list[FieldError]:
+    try:
+        feasible_design(motor)
+    except ValueError as error:
+        return [FieldError("motor", None, str(error))]
+    return []
+
+
+def _tasks(request: ApplicationRequest, robot: Robot, max_tasks: int) -> Iterator[Located]:
+    given = request.tasks
+    count = len(given) if isinstance(given, list) else len(given.grid.stroke) * len(given.grid.payload_kg)
+    if count == 0:
+        raise InvalidInputError([FieldError("tasks", "[]", "must hold at least one task")])
+    if count > max_tasks:
+        raise InvalidInputError([FieldError("tasks", count, f"at most {max_tasks} tasks in one application")])
+    yield from (_listed(given) if isinstance(given, list) else _grid(given.grid, robot.joints))
+
+
+def _listed(tasks: list[TaskRequest]) -> Iterator[Located]:
+    for k, task in enumerate(tasks):
+        yield f"tasks[{k}]", ResolvedTask(**{**task.model_dump(), "name": task.name or f"task {k}"})
+
+
+def _grid(grid: GridRequest, joints: int) -> Iterator[Located]:
+    for i, stroke in enumerate(grid.stroke):
+        for payload in grid.payload_kg:
+            yield (
+                f"tasks.grid.stroke[{i}]",
+                ResolvedTask(
+                    name=f"stroke {stroke:g} rad, {payload:g} kg",
+                    start_rad=[float(stroke)] * joints,
+                    end_rad=[0.0] * joints,
+                    payload_kg=payload,
+                    duration_s=grid.duration_s,
+                ),
+            )
+
+
+def _task_errors(field: str, task: ResolvedTask, robot: Robot) -> Iterator[FieldError]:
+    angles = {"start_rad": task.start_rad, "end_rad": task.end_rad}
+    speeds = {"start_speed_rad_s": task.start_speed_rad_s, "end_speed_rad_s": task.end_speed_rad_s}
+    from_grid = field.startswith("tasks.grid")
+    for name, values in {**angles, **speeds}.items():
+        if values is None:
+            continue
+        if len(values) != robot.joints:
+            limit = f"the robot has {robot.joints} joints, this lists {len(values)} values"
+            yield FieldError(f"{field}.{name}", str(values), limit)
+            continue
+        low, high, unit = _range(robot, name)
+        for k in np.flatnonzero((np.array(values) < low) | (np.array(values) > high)):
+            where = field if from_grid else f"{field}.{name}[{k}]"
+            limit = f"joint {k + 1} allows {low[k]:.6g} to {high[k]:.6g} {unit}"
+            yield FieldError(where, values[k], limit)
+            if from_grid:
+                return
+
+
+def _range(robot: Robot, name: str) -> tuple[np.ndarray, np.ndarray, str]:
+    if name.endswith("_rad"):
+        return robot.joint_lower, robot.joint_upper, "rad"
+    return -robot.joint_speed_limit, robot.joint_speed_limit, "rad/s"
+
+
+def _duplicate_names(located: list[Located]) -> Iterator[FieldError]:
+    seen: set[str] = set()
+    for field, task in located:
+        if task.name in seen:
+            yield FieldError(f"{field}.name", task.name, "task names must differ")
+        seen.add(task.name)
+
+
+def _durations(request: ApplicationRequest, located: list[Located]) -> Iterator[FieldError]:
+    limit = "the energy objective needs a duration in s for each task: with t_f free, slower is always better"
+    if not isinstance(request.tasks, list):
+        if request.tasks.grid.duration_s is None:
+            yield FieldError("tasks.grid.duration_s", None, limit)
+        return
+    for field, task in located:
+        if task.duration_s is None:
+            yield FieldError(f"{field}.duration_s", None, limit)
+
+
+def _chosen_tasks(
+    request: ApplicationRequest, tasks: list[ResolvedTask]
+) -> tuple[dict[str, int | None], list[FieldError]]:
+    """Indices of the empirical and the worst-case task; a grid defaults to its middle and last."""
+    from_grid = not isinstance(request.tasks, list)
+    given = {"empirical": request.empirical_task, "worst_case": request.worst_case_task}
+    default = {"empirical": len(tasks) // 2, "worst_case": len(tasks) - 1}
+    chosen: dict[str, int | None] = {}
+    errors = []
+    for method, choice in given.items():
+        field = f"{method}_task"
+        names = [task.name for task in tasks]
+        if choice is None:
+            chosen[method] = default[method] if from_grid else None
+            if method in request.methods and not from_grid:
+                errors.append(FieldError(field, None, f"method {method} on a task list needs a task's index or name"))
+        elif isinstance(choice, int):
+            chosen[method] = choice
+            if not 0 <= choice < len(tasks):
+                errors.append(FieldError(field, choice, f"must be a task's index, 0 to {len(tasks) - 1}"))
+        elif choice in names:
+            chosen[method] = names.index(choice)
+        else:
+            chosen[method] = None
+            errors.append(FieldError(field, choice, "no task has this name"))
+    return chosen, errors

@@ -1,0 +1,102 @@
+"""A resolved application: every default filled in, robot and tasks explicit. It is what jobs read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pydantic import ConfigDict
+
+from services.codesign.motor_data import MotorData
+from services.codesign.problem import Objective, Problem, Task, Transcription
+from services.codesign.robot import Robot
+from shared.contracts.application import (
+    GridRequest,
+    MethodName,
+    MotorRequest,
+    ObjectiveRequest,
+    Strict,
+    TaskRequest,
+    TranscriptionRequest,
+)
+
+
+class ResolvedTask(TaskRequest):
+    """A task with a name."""
+
+    name: str
+
+
+class ResolvedApplication(Strict):
+    """What an application means, independent of presets, uploads and defaults that may change later."""
+
+    model_config = ConfigDict(strict=False)  # read back from the database
+
+    robot: dict[str, Any]
+    objective: ObjectiveRequest
+    tasks: list[ResolvedTask]
+    grid: GridRequest | None = None
+    """Set when the tasks came as a grid (stroke major), for heat maps."""
+    motor: MotorRequest
+    transcription: TranscriptionRequest
+    methods: list[MethodName]
+    """The application's method first, then those it is compared with."""
+    empirical_task: int | None = None
+    worst_case_task: int | None = None
+
+    @property
+    def method(self) -> MethodName:
+        """The method whose design is the application's."""
+        return self.methods[0]
+
+    def design_task(self, method: MethodName) -> int | None:
+        """The task whose own design a method takes; None for methods that use all tasks."""
+        return {"empirical": self.empirical_task, "worst_case": self.worst_case_task}.get(method)
+
+    def build_robot(self) -> Robot:
+        """The arm."""
+        return Robot.from_wire(self.robot)
+
+    def build_motor(self) -> MotorData:
+        """The motors' constants, bounds and limits."""
+        return MotorData.from_wire(self.motor.to_wire())
+
+    def build_problem(self, task_index: int, design: np.ndarray | None = None) -> Problem:
+        """The optimal control problem of one task, with `design` of shape (n, 7) [m] fixed when it is given."""
+        return Problem(
+            robot=self.build_robot(),
+            task=_task(self.tasks[task_index]),
+            motor=self.build_motor(),
+            objective=_objective(self.objective),
+            transcription=Transcription(**self.transcription.model_dump()),
+            design=design,
+        )
+
+    def objective_value(self, result: dict[str, Any]) -> float:
+        """What is compared between methods: s for `time` and `weighted`, V2 s for `energy`."""
+        return float(result["energy_V2s" if self.objective.kind == "energy" else "final_time_s"])
+
+
+def _task(task: ResolvedTask) -> Task:
+    def speeds(values: list[float] | None) -> np.ndarray | None:
+        return None if values is None else np.array(values)
+
+    return Task(
+        start=np.array(task.start_rad),
+        end=np.array(task.end_rad),
+        payload=task.payload_kg,
+        start_speed=speeds(task.start_speed_rad_s),
+        end_speed=speeds(task.end_speed_rad_s),
+        duration=task.duration_s,
+    )
+
+
+def _objective(objective: ObjectiveRequest) -> Objective:
+    low, high = objective.final_time_bounds_s
+    return Objective(
+        kind=objective.kind,
+        alpha=objective.alpha or 0.0,
+        time_reference=objective.time_reference_s,
+        effort_reference=objective.energy_reference_V2s,
+        final_time_bounds=(low, high),
+    )

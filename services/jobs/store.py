@@ -1,0 +1,155 @@
+"""Writes that several use cases share. Every one runs inside the caller's transaction.
+
+Whoever changes an application or its jobs first locks the application's row (`lock_application`), so that two
+transactions never wait for each other in a circle. SQLite has one writer at a time anyway.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sqlalchemy import select, update
+from sqlalchemy.orm import Session
+
+from services.jobs.plan import Done, JobSpec, NextStage, Progress, plan_next
+from services.jobs.resolved import ResolvedApplication
+from shared.db.clock import now
+from shared.db.tables import Application, Design, Job, JobTransition, Outbox, Result, Stage
+from shared.domain import TRANSITIONS, ApplicationState, JobState, new_id
+from shared.domain import Stage as StageName
+
+
+def lock_application(session: Session, application_id: str) -> Application | None:
+    """The application's row, locked until the transaction ends."""
+    statement = select(Application).where(Application.id == application_id).with_for_update()
+    return session.scalars(statement.execution_options(populate_existing=True)).one_or_none()
+
+
+def record_transition(session: Session, job: Job, to: JobState, worker: str | None = None) -> None:
+    """Append to the history; refuse a transition that does not exist."""
+    source = JobState(job.state)
+    assert to in TRANSITIONS.get(source, frozenset()), f"job {job.id}: no transition {source} -> {to}"
+    session.add(
+        JobTransition(
+            job_id=job.id,
+            application_id=job.application_id,
+            from_state=source,
+            to_state=to,
+            token=job.token,
+            worker=worker if worker is not None else job.worker,
+        )
+    )
+
+
+def open_stage(session: Session, application: Application, stage: NextStage) -> None:
+    """Create a stage with its jobs and their messages."""
+    key = {"application_id": application.id, "generation": application.generation}
+    total = len(stage.jobs)
+    session.add(Stage(**key, name=stage.stage, total=total, remaining=total))
+    jobs = [_new_job(application, spec) for spec in stage.jobs]
+    session.add_all(jobs)
+    session.flush()
+    session.add_all(Outbox(job_id=job.id, sent=0) for job in jobs)
+
+
+def _new_job(application: Application, spec: JobSpec) -> Job:
+    return Job(
+        id=new_id(),
+        application_id=application.id,
+        generation=application.generation,
+        stage=spec.stage,
+        method=spec.method,
+        task_index=spec.task_index,
+        state=JobState.QUEUED,
+    )
+
+
+def settle(
+    session: Session, application: Application, jobs: Sequence[Job], to: JobState, reason: str | None = None
+) -> None:
+    """Move jobs of one application and stage into a final state, and go on when the stage is empty.
+
+    The caller holds the application's lock and has made sure that each job is still open.
+    """
+    assert to.final
+    if not jobs:
+        return
+    for job in jobs:
+        record_transition(session, job, to)
+        job.state, job.reason, job.lease_until = to, reason, None
+        job.finished_at = now()
+    session.flush()
+    silence(session, [job.id for job in jobs])
+    stage = StageName(jobs[0].stage)
+    remaining = session.scalar(
+        update(Stage)
+        .where(Stage.application_id == application.id, Stage.generation == application.generation, Stage.name == stage)
+        .values(remaining=Stage.remaining - len(jobs))
+        .returning(Stage.remaining)
+        .execution_options(synchronize_session=False)
+    )
+    if remaining == 0:
+        _advance(session, application, stage)
+
+
+def silence(session: Session, job_ids: Sequence[str]) -> None:
+    """These jobs need no message any more."""
+    session.execute(
+        update(Outbox)
+        .where(Outbox.job_id.in_(job_ids))
+        .values(due_at=None)
+        .execution_options(synchronize_session=False)
+    )
+
+
+def _advance(session: Session, application: Application, finished: StageName) -> None:
+    if application.cancel_requested:
+        _finish(application, Done(ApplicationState.CANCELLED))
+        return
+    resolved = ResolvedApplication.model_validate(application.resolved)
+    following = plan_next(resolved, progress_of(session, application, resolved, finished))
+    if isinstance(following, NextStage):
+        open_stage(session, application, following)
+    else:
+        _finish(application, following)
+
+
+def _finish(application: Application, done: Done) -> None:
+    application.state, application.reason = done.state, done.reason
+    application.finished_at = now()
+
+
+def progress_of(
+    session: Session, application: Application, resolved: ResolvedApplication, finished: StageName
+) -> Progress:
+    """What the planner needs to know, read from the rows of the current generation."""
+    of_application = (Job.application_id == application.id, Job.generation == application.generation)
+    rows = session.execute(select(Job.stage, Job.method, Job.task_index, Job.state).where(*of_application)).all()
+    succeeded = [row for row in rows if row.state == JobState.SUCCEEDED]
+    kinds = session.scalars(
+        select(Design.kind).where(Design.application_id == application.id, Design.generation == application.generation)
+    )
+    return Progress(
+        finished=finished,
+        solved_tasks=tuple(sorted(row.task_index for row in succeeded if row.stage == StageName.CODESIGN)),
+        designs=frozenset(kinds),
+        motions=sum(row.stage == StageName.MOTIONS and row.method == resolved.method for row in succeeded),
+        failures=sum(row.state in (JobState.FAILED, JobState.DEAD) for row in rows),
+    )
+
+
+def results_of(session: Session, application: Application, stage: StageName) -> list[Result]:
+    """Results of a stage in the current generation, by task, without their arrays."""
+    from sqlalchemy.orm import defer
+
+    statement = (
+        select(Result)
+        .where(
+            Result.application_id == application.id,
+            Result.generation == application.generation,
+            Result.stage == stage,
+        )
+        .order_by(Result.task_index)
+        .options(defer(Result.arrays))
+    )
+    return list(session.scalars(statement))

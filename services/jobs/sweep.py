@@ -1,0 +1,45 @@
+"""Recover jobs whose worker fell silent."""
+
+from __future__ import annotations
+
+from sqlalchemy import Engine, select, update
+
+from services.jobs.store import lock_application, record_transition, settle
+from shared.db.clock import now
+from shared.db.engine import reading, transaction
+from shared.db.tables import Job, Outbox
+from shared.domain import JobState
+
+BATCH = 200
+"""Expired leases looked at in one sweep."""
+
+
+def sweep(engine: Engine, max_attempts: int) -> int:
+    """Put jobs with an expired lease back into the queue, or bury them; returns how many."""
+    with reading(engine) as session:
+        expired = session.execute(
+            select(Job.id, Job.application_id)
+            .where(Job.state == JobState.RUNNING, Job.lease_until < now())
+            .limit(BATCH)
+        ).all()
+    return sum(_recover(engine, row.id, row.application_id, max_attempts) for row in expired)
+
+
+def _recover(engine: Engine, job_id: str, application_id: str, max_attempts: int) -> bool:
+    with transaction(engine) as session:
+        application = lock_application(session, application_id)
+        still_expired = select(Job).where(Job.id == job_id, Job.state == JobState.RUNNING, Job.lease_until < now())
+        job = session.scalars(still_expired.execution_options(populate_existing=True)).one_or_none()
+        if application is None or job is None:
+            return False
+        if application.cancel_requested:
+            settle(session, application, [job], JobState.CANCELLED, "cancelled by request")
+        elif job.attempts >= max_attempts:
+            reason = f"its worker was lost {job.attempts} times"
+            settle(session, application, [job], JobState.DEAD, reason)
+        else:
+            record_transition(session, job, JobState.QUEUED)
+            job.state, job.lease_until = JobState.QUEUED, None
+            session.flush()
+            session.execute(update(Outbox).where(Outbox.job_id == job_id).values(due_at=now(), sent=0))
+        return True

@@ -1,0 +1,1 @@
+"""What every part of the service agrees on: states, wire contracts, settings, database, dispatch."""

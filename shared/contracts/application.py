@@ -1,0 +1,154 @@
+"""What people submit: an application, as YAML or JSON. Every quantity carries its unit in its name.
+
+Here a request is checked by itself. What needs the robot (number of joints, joint ranges) is checked in
+`services.jobs.resolve`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+LONGEST_NAME = 200
+Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
+MOST_TAGS = 20
+MOST_INTERVALS = 400
+MOST_JOINTS = 20
+
+
+class Strict(BaseModel):
+    """Unknown fields, numbers in quotes, NaN and infinity are refused; values do not change after validation."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+
+
+class ObjectiveRequest(Strict):
+    """What is minimised: t_f, the integral of u'u over a given duration, or a mix of both with t_f free."""
+
+    kind: Literal["time", "energy", "weighted"] = "time"
+    alpha: float | None = Field(None, ge=0, le=1, description="weight of energy, `weighted` only: 0 time .. 1 energy")
+    time_reference_s: float | None = Field(None, gt=0, description="`weighted`; default: the task's minimum time")
+    energy_reference_V2s: float | None = Field(None, gt=0, description="`weighted`; default: of that motion")
+    final_time_bounds_s: list[float] = Field([0.05, 20.0], min_length=2, max_length=2)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> ObjectiveRequest:
+        low, high = self.final_time_bounds_s
+        if not 0 < low < high <= 1000:
+            raise ValueError("final_time_bounds_s must be [low, high] with 0 < low < high <= 1000 s")
+        if self.kind == "weighted" and self.alpha is None:
+            raise ValueError("a weighted objective needs alpha between 0 (time) and 1 (energy)")
+        if self.kind != "weighted" and self.alpha is not None:
+            raise ValueError(f"alpha belongs to the weighted objective, not to {self.kind}")
+        return self
+
+
+class TaskRequest(Strict):
+    """From one joint state to another with a payload."""
+
+    name: Name | None = None
+    start_rad: list[float] = Field(min_length=1, max_length=MOST_JOINTS)
+    end_rad: list[float] = Field(min_length=1, max_length=MOST_JOINTS)
+    start_speed_rad_s: list[float] | None = Field(None, description="at rest when left out")
+    end_speed_rad_s: list[float] | None = Field(None, description="at rest when left out")
+    payload_kg: float = Field(0.0, ge=0)
+    duration_s: float | None = Field(None, gt=0, le=1000, description="needed for the energy objective")
+    weight: float = Field(1.0, gt=0, description="how often the task occurs")
+
+
+class GridRequest(Strict):
+    """The paper's task set: from stroke * (1, ..., 1) rad to 0, for every stroke and payload."""
+
+    stroke: list[float] = Field(min_length=1)
+    payload_kg: list[Annotated[float, Field(ge=0)]] = Field(min_length=1)
+    duration_s: float | None = Field(None, gt=0, le=1000)
+
+
+class TaskSetRequest(Strict):
+    """Tasks given as a grid."""
+
+    grid: GridRequest
+
+
+class MotorRequest(Strict):
+    """Constants, bounds and limits of the motors; what is left out has the paper's value."""
+
+    pole_pairs: int | None = Field(None, ge=1)
+    slots: int | None = Field(None, ge=3)
+    phases: int | None = Field(None, ge=3, le=3)
+    turns_per_tooth: float | None = Field(None, gt=0)
+    parallel_coils: int | None = Field(None, ge=1)
+    tooth_tip_height_mm: float | None = Field(None, gt=0)
+    air_gap_mm: float | None = Field(None, gt=0)
+    magnet_arc_rad: float | None = Field(None, gt=0, le=3.141592653589793)
+    remanent_flux_density_T: float | None = Field(None, gt=0)
+    recoil_permeability: float | None = Field(None, ge=1)
+    filling_factor: float | None = Field(None, gt=0, le=1)
+    flux_density_limit_T: float | None = Field(None, gt=0)
+    wire_diameter_min_mm: float | None = Field(None, gt=0)
+    mass_limit_kg: float | None = Field(None, gt=0)
+    slot_height_min_mm: float | None = Field(None, gt=0)
+    iron_density_kg_m3: float | None = Field(None, gt=0)
+    copper_density_kg_m3: float | None = Field(None, gt=0)
+    copper_resistivity_ohm_m: float | None = Field(None, gt=0)
+    current_limit_A: float | None = Field(None, gt=0)
+    voltage_limit_V: float | None = Field(None, gt=0)
+    bounds_mm: dict[Literal["L", "R_ro", "R_so", "h_m", "h_sy", "w_tooth", "b_0"], list[float]] = Field(
+        default_factory=dict, description="[low, high] for any of the seven lengths"
+    )
+
+    def to_wire(self) -> dict[str, Any]:
+        """Only what was given."""
+        given = self.model_dump(exclude_none=True)
+        return {key: value for key, value in given.items() if value != {}}
+
+
+class TranscriptionRequest(Strict):
+    """How the continuous problem becomes a program; the default is the paper's."""
+
+    scheme: Literal["radau", "legendre"] = "radau"
+    degree: int = Field(1, ge=1, le=5)
+    intervals: int = Field(50, ge=2, le=MOST_INTERVALS)
+    control: Literal["voltage", "current"] = Field(
+        "voltage",
+        description="voltage: constant on each interval (the paper); current: linear, with the voltages that follow",
+    )
+
+
+MethodName = Literal["two_step", "empirical", "worst_case"]
+
+
+class ApplicationRequest(Strict):
+    """An application: tasks for an arm, and what to minimise."""
+
+    name: Name
+    robot: str | dict[str, Any] = Field("ur5", description="a preset, the id of an uploaded robot, or a robot inline")
+    objective: ObjectiveRequest = ObjectiveRequest()
+    tasks: TaskSetRequest | list[TaskRequest]
+    motor: MotorRequest = MotorRequest()
+    transcription: TranscriptionRequest = TranscriptionRequest()
+    method: MethodName = "two_step"
+    compare: list[MethodName] = Field(default_factory=list)
+    empirical_task: int | Name | None = None
+    worst_case_task: int | Name | None = None
+    tags: list[Name] = Field(default_factory=list, max_length=MOST_TAGS)
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "name": "pick-and-place",
+                    "robot": "ur5",
+                    "objective": {"kind": "time"},
+                    "tasks": {"grid": {"stroke": [0.2, 0.4, 0.6, 0.8, 1.0], "payload_kg": [0, 1, 2, 3, 4]}},
+                    "compare": ["empirical", "worst_case"],
+                }
+            ]
+        }
+    )
+
+    @property
+    def methods(self) -> list[MethodName]:
+        """The method, then those it is compared with, each once."""
+        return list(dict.fromkeys([self.method, *self.compare]))

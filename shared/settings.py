@@ -1,0 +1,67 @@
+"""Settings, from the environment: ARMATURE_HOME, ARMATURE_DATABASE_URL, and so on."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from pydantic import Field, model_validator
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+
+class Settings(BaseSettings):
+    """Everything that can be set; the defaults run embedded, in one folder, with no server."""
+
+    model_config = SettingsConfigDict(env_prefix="ARMATURE_", frozen=True)
+
+    home: Path = Field(default_factory=lambda: Path.home() / ".armature")
+    """Folder of the embedded database, the embedded broker and the compiled kernels."""
+    database_url: str = ""
+    """SQLAlchemy URL; empty: SQLite in `home`."""
+    broker_url: str = ""
+    """`redis://...`, or `embedded://FOLDER`; empty: embedded in `home`."""
+
+    workers: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=1)
+    """Solver processes of one worker."""
+
+    lease_s: float = Field(45.0, gt=0)
+    """How long a claimed job belongs to its worker without a sign of life."""
+    heartbeat_s: float = Field(10.0, gt=0)
+    """How often a worker renews its lease."""
+    cancel_poll_s: float = Field(1.0, gt=0)
+    """How often a worker looks whether its job was cancelled."""
+    max_attempts: int = Field(3, ge=1)
+    """After how many lost workers a job is dead."""
+    relay_poll_s: float = Field(0.05, gt=0)
+    """How often the relay looks for messages to publish."""
+    sweep_s: float = Field(5.0, gt=0)
+    """How often expired leases and unclaimed jobs are looked for."""
+    resend_after_s: float = Field(30.0, gt=0)
+    """A published job that nobody claimed is sent again after this time, doubled each time, while the queue is empty
+    enough."""
+    solve_time_limit_s: float = Field(600.0, gt=0)
+    """Longest time one solve may take."""
+
+    max_body_bytes: int = Field(2_000_000, ge=1)
+    max_tasks: int = Field(2_000, ge=1)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _embedded_by_default(cls, values: dict[str, object]) -> dict[str, object]:
+        home = Path(str(values.get("home") or Path.home() / ".armature")).expanduser().absolute()
+        return {
+            **values,
+            "home": home,
+            "database_url": values.get("database_url") or f"sqlite:///{home / 'armature.db'}",
+            "broker_url": values.get("broker_url") or f"embedded://{home / 'broker'}",
+        }
+
+    @property
+    def kernel_cache(self) -> Path:
+        """Folder of compiled kernels."""
+        return self.home / "kernels"
+
+    @property
+    def embedded(self) -> bool:
+        """Whether the database is the embedded one."""
+        return self.database_url.startswith("sqlite")

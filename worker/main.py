@@ -1,0 +1,30 @@
+"""Process entry of a worker: as many solver processes as cores, each on one thread."""
+
+from __future__ import annotations
+
+import os
+
+BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def main() -> None:
+    """Start the worker; ends on SIGTERM after the jobs at hand, on a second one at once."""
+    for name in BLAS_THREADS:  # before anything loads a BLAS
+        os.environ.setdefault(name, "1")
+
+    import casadi  # noqa: F401 - loaded once here, shared by the children through the fork
+
+    from shared.dispatch.broker import celery_app, worker_arguments
+    from shared.observability import configure_logging
+    from shared.settings import Settings
+    from worker.tasks import register_tasks
+
+    settings = Settings()
+    configure_logging()
+    app = celery_app(settings.broker_url)
+    register_tasks(app, settings)
+    app.worker_main(worker_arguments(settings.workers))
+
+
+if __name__ == "__main__":
+    main()

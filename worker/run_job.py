@@ -1,0 +1,86 @@
+"""One job from claim to finish, with a heartbeat beside the solve."""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+from dataclasses import dataclass, field
+
+import structlog
+from sqlalchemy import Engine
+from sqlalchemy.exc import SQLAlchemyError
+
+from services.codesign.solver import IterationReport, SolverOptions
+from services.jobs.claim import Claim, cancel_requested, claim, renew
+from services.jobs.execute import execute
+from services.jobs.finish import finish
+from services.jobs.work import load_work
+from shared.settings import Settings
+
+log = structlog.get_logger()
+
+
+def worker_name() -> str:
+    """Host and process, for people reading the history."""
+    return f"{socket.gethostname()}:{os.getpid()}"
+
+
+def run_job(engine: Engine, settings: Settings, job_id: str) -> None:
+    """Claim a job, solve it, record the outcome. A job that is not queued is left alone."""
+    held = claim(engine, job_id, worker_name(), settings.lease_s)
+    if held is None:
+        log.info("job not queued, message ignored", job=job_id)
+        return
+    logger = log.bind(job=job_id, application=held.application_id, stage=held.spec.stage, task=held.spec.task_index)
+    logger.info("job claimed", token=held.token)
+    work = load_work(engine, held)
+    if work is None:
+        return
+    with Heartbeat(engine, settings, held) as heartbeat:
+        options = SolverOptions(max_wall_time=settings.solve_time_limit_s)
+        outcome = execute(work, options, heartbeat.should_stop)
+    accepted = finish(engine, held, outcome)
+    logger.info("job finished", state=outcome.state, value=outcome.value, reason=outcome.reason, accepted=accepted)
+
+
+@dataclass
+class Heartbeat:
+    """A thread that renews the lease and looks for a cancel; the solver reads the result between iterations.
+
+    The solver holds no lock of the interpreter while it factorises, so the thread lives (DESIGN: measured).
+    """
+
+    engine: Engine
+    settings: Settings
+    held: Claim
+    _stop: threading.Event = field(default_factory=threading.Event)
+    _done: threading.Event = field(default_factory=threading.Event)
+
+    def __enter__(self) -> Heartbeat:
+        self._thread = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._done.set()
+        self._thread.join()
+
+    def should_stop(self, _report: IterationReport) -> bool:
+        """For the solver."""
+        return self._stop.is_set()
+
+    def _beat(self) -> None:
+        waited = 0.0
+        while not self._done.wait(self.settings.cancel_poll_s):
+            waited += self.settings.cancel_poll_s
+            try:
+                if waited >= self.settings.heartbeat_s:
+                    waited = 0.0
+                    pulse = renew(self.engine, self.held, self.settings.lease_s)
+                    if not pulse.mine or pulse.cancelled:
+                        self._stop.set()
+                elif cancel_requested(self.engine, self.held):
+                    self._stop.set()
+            except SQLAlchemyError as error:  # the database is away for a while: keep solving, the lease decides
+                log.warning("heartbeat failed", job=self.held.job_id, error=str(error))
