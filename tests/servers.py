@@ -125,13 +125,7 @@ class Server:
         return [self.process.pid, *descendants(self.process.pid)]
 
     def _spawn(self) -> None:
-        identity: dict[str, object] = {}
-        if self.as_user is not None:
-            identity = {"user": self.as_user, "group": self.as_user, "extra_groups": []}
-        with self.log.open("ab") as log:
-            self.process = subprocess.Popen(  # type: ignore[call-overload]
-                self.command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True, **identity
-            )
+        self.process = _spawn(self.command, self.log, self.as_user)
 
 
 @contextmanager
@@ -193,10 +187,7 @@ def postgres_server(*, fsync: bool = False, settings: Mapping[str, str] | None =
     with _server_folder("armature-postgres-", as_user) as folder:
         data = folder / "data"
         initialize = [initdb, "-D", str(data), "-U", "postgres", "--auth=trust", "--encoding=UTF8", "--locale=C"]
-        initializing = Server("", lambda url: None, [*initialize, "--no-sync"], folder / "log", as_user)
-        initializing._spawn()
-        assert initializing.process is not None
-        if initializing.process.wait(60) != 0:
+        if _spawn([*initialize, "--no-sync"], folder / "log", as_user).wait(START_TIMEOUT_S) != 0:
             raise RuntimeError(f"initdb failed:\n{(folder / 'log').read_text()}")
         command = [postgres, "-D", str(data), *(f"--{name}={value}" for name, value in chosen.items())]
         url = f"postgresql://postgres@127.0.0.1:{port}/postgres"
@@ -211,13 +202,13 @@ def postgres_database(server: Server) -> Iterator[str]:
     """Make an empty database on a server, for the length of a `with` block, and give its URL for psycopg."""
     name = f"armature_test_{uuid4().hex}"
     with psycopg.connect(server.url, autocommit=True) as connection:
-        connection.execute(f"CREATE DATABASE {name}")  # type: ignore[call-overload]
+        connection.execute(f"CREATE DATABASE {name}")
     try:
         base, _, _ = server.url.partition("?")
         yield f"{base.rpartition('/')[0]}/{name}"
     finally:
         with psycopg.connect(server.url, autocommit=True) as connection:
-            connection.execute(f"DROP DATABASE {name} WITH (FORCE)")  # type: ignore[call-overload]
+            connection.execute(f"DROP DATABASE {name} WITH (FORCE)")
 
 
 def free_port() -> int:
@@ -241,6 +232,20 @@ def descendants(pid: int) -> list[int]:
         found += direct
         waiting += direct
     return found
+
+
+def _spawn(command: Sequence[str], log: Path, as_user: int | None) -> subprocess.Popen[bytes]:
+    with log.open("ab") as output:
+        return subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
+            start_new_session=True,  # Ctrl-C in a terminal is for the tests, which then stop the server
+            user=as_user,
+            group=as_user,
+            extra_groups=None if as_user is None else [],
+        )
 
 
 @contextmanager
