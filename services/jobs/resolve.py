@@ -71,20 +71,12 @@ def _robot(given: str | dict[str, Any], find_robot: RobotLookup) -> tuple[dict[s
     try:
         return dict(wire), Robot.from_wire(wire)
     except RobotError as error:
-        raise InvalidInputError([FieldError("robot", None, str(error))]) from error
+        raise InvalidInputError([FieldError(f"robot.{error.field}", None, error.reason)]) from error
 
 
 def _motor(request: MotorRequest) -> MotorData:
-    wire = request.to_wire()
-    errors = []
-    for name, bounds in wire.get("bounds_mm", {}).items():
-        if len(bounds) != 2 or not 0 < bounds[0] <= bounds[1]:
-            limit = "must be [low, high] in mm with 0 < low <= high"
-            errors.append(FieldError(f"motor.bounds_mm.{name}", str(bounds), limit))
-    if errors:
-        raise InvalidInputError(errors)
     try:
-        return MotorData.from_wire(wire)
+        return MotorData.from_wire(request.to_wire())
     except MotorDataError as error:
         raise InvalidInputError([FieldError(f"motor.{error.field}", error.value, error.limit)]) from error
 

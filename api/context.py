@@ -1,0 +1,28 @@
+"""What every route needs, kept on the application and handed to routes by FastAPI."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, cast
+
+from celery import Celery
+from fastapi import Depends, Request
+from sqlalchemy import Engine
+
+from shared.settings import Settings
+
+
+@dataclass(frozen=True)
+class Context:
+    """Settings, database and broker of one API process."""
+
+    settings: Settings
+    engine: Engine
+    broker: Celery
+
+
+def _context(request: Request) -> Context:
+    return cast(Context, request.app.state.context)
+
+
+Ctx = Annotated[Context, Depends(_context)]

@@ -1,0 +1,86 @@
+"""Errors as RFC 9457 problem documents, naming field, value and limit where an input was refused."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from http import HTTPStatus
+from typing import Any
+
+import structlog
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from sqlalchemy.exc import OperationalError
+from starlette.exceptions import HTTPException
+
+from services.jobs.submit import IdempotencyConflictError
+from services.jobs.views import NotFoundError
+from shared.contracts.errors import FieldError, InvalidInputError, field_errors
+
+log = structlog.get_logger()
+
+MEDIA_TYPE = "application/problem+json"
+LOCATION_PARTS = frozenset(
+    # where pydantic says "body", and which branch of a union it tried: not fields that a person sent
+    {"body", "query", "path", "TaskSetRequest", "list[TaskRequest]", "dict[str,any]", "constrained-str", "str", "int"}
+)
+MOST_ERRORS = 20
+
+
+def problem(
+    status: int, detail: str, errors: list[FieldError] | None = None, headers: Mapping[str, str] | None = None
+) -> JSONResponse:
+    """A problem document."""
+    body: dict[str, Any] = {
+        "type": "about:blank",
+        "title": HTTPStatus(status).phrase,
+        "status": status,
+        "detail": detail,
+    }
+    if errors is not None:
+        body["errors"] = [error.to_wire() for error in errors[:MOST_ERRORS]]
+    return JSONResponse(body, status_code=status, media_type=MEDIA_TYPE, headers=headers)
+
+
+def refusal(errors: list[FieldError]) -> JSONResponse:
+    """422 with everything that is wrong."""
+    detail = "; ".join(error.message for error in errors[:3])
+    more = f"; and {len(errors) - 3} more" if len(errors) > 3 else ""
+    return problem(422, detail + more, errors)
+
+
+def install_error_handlers(app: FastAPI) -> None:
+    """Map every exception that use cases raise."""
+
+    @app.exception_handler(RequestValidationError)
+    async def _validation(_request: Request, error: RequestValidationError) -> JSONResponse:
+        details = list(error.errors())
+        if any(detail["type"] == "json_invalid" for detail in details):
+            return problem(400, f"the body is not JSON: {details[0]['ctx']['error']}")
+        return refusal(field_errors(details, LOCATION_PARTS))
+
+    @app.exception_handler(InvalidInputError)
+    async def _invalid(_request: Request, error: InvalidInputError) -> JSONResponse:
+        return refusal(list(error.errors))
+
+    @app.exception_handler(NotFoundError)
+    async def _not_found(_request: Request, error: NotFoundError) -> JSONResponse:
+        return problem(404, str(error))
+
+    @app.exception_handler(IdempotencyConflictError)
+    async def _conflict(_request: Request, error: IdempotencyConflictError) -> JSONResponse:
+        return problem(409, str(error))
+
+    @app.exception_handler(HTTPException)
+    async def _http(_request: Request, error: HTTPException) -> JSONResponse:
+        return problem(error.status_code, str(error.detail), headers=error.headers)
+
+    @app.exception_handler(OperationalError)
+    async def _database_away(_request: Request, error: OperationalError) -> JSONResponse:
+        log.error("database", error=str(error.orig))
+        return problem(503, "the database cannot be reached; try again", headers={"Retry-After": "5"})
+
+    @app.exception_handler(Exception)
+    async def _unexpected(_request: Request, error: Exception) -> JSONResponse:
+        log.error("unexpected", error=repr(error), exc_info=error)
+        return problem(500, "an unexpected error; it has been logged")

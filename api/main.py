@@ -1,0 +1,28 @@
+"""Process entry of the API: `python -m api.main --host 127.0.0.1 --port 8000`."""
+
+from __future__ import annotations
+
+import argparse
+
+import uvicorn
+
+from api.app import create_app
+from shared.observability import configure_logging
+from shared.settings import Settings
+
+LOOPBACK = "127.0.0.1"
+
+
+def main() -> None:
+    """Serve until SIGTERM or SIGINT."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--host", default=LOOPBACK)
+    parser.add_argument("--port", type=int, default=8000)
+    arguments = parser.parse_args()
+    configure_logging()
+    app = create_app(Settings())
+    uvicorn.run(app, host=arguments.host, port=arguments.port, access_log=False, log_config=None)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,78 @@
+"""Submit, poll, list, cancel and delete applications."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Annotated
+
+from fastapi import APIRouter, Header, Query, Request, Response
+
+from api.context import Ctx
+from services.jobs import views
+from services.jobs.cancel import cancel, delete_application
+from services.jobs.submit import submit
+from services.jobs.views import NotFoundError
+from shared.contracts.application import ApplicationRequest
+from shared.contracts.results import Accepted, ApplicationList, ApplicationStatus
+from shared.domain import ApplicationState
+
+router = APIRouter(prefix="/v1/applications", tags=["applications"])
+
+POLL_AFTER_S = "1"
+Limit = Annotated[int, Query(ge=1, le=1000)]
+
+
+@router.post("", status_code=202)
+def submit_application(
+    body: ApplicationRequest,
+    response: Response,
+    ctx: Ctx,
+    idempotency_key: Annotated[str | None, Header(min_length=1, max_length=200)] = None,
+) -> Accepted:
+    """Validate and store an application; its jobs start as workers are free."""
+    application_id, _ = submit(ctx.engine, ctx.settings, body, idempotency_key)
+    url = f"/v1/applications/{application_id}"
+    response.headers["Location"], response.headers["Retry-After"] = url, POLL_AFTER_S
+    return Accepted(id=application_id, state=views.status(ctx.engine, application_id).state, url=url)
+
+
+@router.get("")
+def list_applications(
+    ctx: Ctx,
+    cursor: str | None = None,
+    limit: Limit = 50,
+    state: ApplicationState | None = None,
+    tag: str | None = None,
+) -> ApplicationList:
+    """Applications, newest first."""
+    return views.list_applications(ctx.engine, cursor, limit, state, tag)
+
+
+@router.get("/{application_id}")
+def get_application(application_id: str, request: Request, response: Response, ctx: Ctx) -> ApplicationStatus | None:
+    """An application as it stands; `If-None-Match` saves the body while nothing has changed."""
+    status = views.status(ctx.engine, application_id)
+    stable = status.model_copy(update={"progress": status.progress.model_copy(update={"eta_s": None})})
+    tag = f'"{hashlib.sha256(stable.model_dump_json().encode()).hexdigest()[:16]}"'
+    headers = {"ETag": tag}
+    if not ApplicationState(status.state).final:
+        headers["Retry-After"] = POLL_AFTER_S
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers=headers)  # type: ignore[return-value]
+    response.headers.update(headers)
+    return status
+
+
+@router.post("/{application_id}/cancel", status_code=202)
+def cancel_application(application_id: str, ctx: Ctx) -> ApplicationStatus:
+    """Cancel: queued jobs at once, running ones within a second or two. What is final stays as it is."""
+    if not cancel(ctx.engine, application_id):
+        raise NotFoundError(f"there is no application {application_id}")
+    return views.status(ctx.engine, application_id)
+
+
+@router.delete("/{application_id}", status_code=204)
+def remove_application(application_id: str, ctx: Ctx) -> None:
+    """Delete an application with all it owns."""
+    if not delete_application(ctx.engine, application_id):
+        raise NotFoundError(f"there is no application {application_id}")

@@ -1,0 +1,74 @@
+"""Liveness, readiness, metrics."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Response
+from fastapi.responses import JSONResponse
+from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
+from prometheus_client.core import GaugeMetricFamily
+from sqlalchemy.exc import SQLAlchemyError
+
+from api.context import Context, Ctx
+from services.jobs.queue import QueueDepth, queue_depth
+from shared.db.migrate import current_revision, head_revision
+from shared.dispatch.broker import broker_reachable
+
+router = APIRouter(tags=["operations"])
+
+BROKER_TIMEOUT_S = 2.0
+
+
+@router.get("/livez")
+def livez() -> dict[str, str]:
+    """The process answers."""
+    return {"status": "alive"}
+
+
+@router.get("/readyz")
+def readyz(ctx: Ctx) -> JSONResponse:
+    """Whether work can be taken: database at its newest revision, broker reachable; how long the queue has waited."""
+    checks = _checks(ctx)
+    ready = checks["database"] == "ok" and checks["broker"] == "ok"
+    return JSONResponse({"status": "ready" if ready else "not ready", **checks}, status_code=200 if ready else 503)
+
+
+def _checks(ctx: Context) -> dict[str, Any]:
+    checks: dict[str, Any] = {}
+    try:
+        current, head = current_revision(ctx.engine), head_revision()
+        checks["database"] = "ok" if current == head else f"at revision {current}, this version needs {head}"
+        if current == head:
+            depth = queue_depth(ctx.engine)
+            checks |= {
+                "queued_jobs": depth.queued,
+                "running_jobs": depth.running,
+                "oldest_queued_age_s": depth.oldest_queued_age_s,
+            }
+    except SQLAlchemyError as error:
+        checks["database"] = f"cannot be reached: {type(error).__name__}"
+    checks["broker"] = "ok" if broker_reachable(ctx.broker, BROKER_TIMEOUT_S) else "cannot be reached"
+    return checks
+
+
+@router.get("/metrics")
+def metrics(ctx: Ctx) -> Response:
+    """Prometheus: the queue, from the database."""
+    registry = CollectorRegistry()
+    registry.register(_Collector(queue_depth(ctx.engine)))
+    return Response(generate_latest(registry), media_type=CONTENT_TYPE_LATEST)
+
+
+class _Collector:
+    def __init__(self, depth: QueueDepth) -> None:
+        self.depth = depth
+
+    def collect(self) -> list[GaugeMetricFamily]:
+        """Called by the registry."""
+        jobs = GaugeMetricFamily("armature_jobs", "jobs by state", labels=["state"])
+        jobs.add_metric(["queued"], self.depth.queued)
+        jobs.add_metric(["running"], self.depth.running)
+        age = GaugeMetricFamily("armature_oldest_queued_age_seconds", "age of the oldest queued job")
+        age.add_metric([], self.depth.oldest_queued_age_s)
+        return [jobs, age]

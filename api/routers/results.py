@@ -1,0 +1,82 @@
+"""Tasks, motions, designs and comparison of an application."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request, Response
+
+from api.context import Ctx
+from services.jobs import results, views
+from shared.contracts.application import MethodName
+from shared.contracts.results import (
+    ComparisonAnswer,
+    DesignAnswer,
+    DesignsAnswer,
+    Source,
+    TaskList,
+    TaskResult,
+    Trajectory,
+)
+
+router = APIRouter(prefix="/v1/applications/{application_id}", tags=["results"])
+
+Cursor = Annotated[int, Query(ge=0, description="`next_cursor` of the page before")]
+
+
+@router.get("/tasks")
+def list_tasks(
+    application_id: str, ctx: Ctx, cursor: Cursor = 0, limit: Annotated[int, Query(ge=1, le=1000)] = 100
+) -> TaskList:
+    """Tasks in their order, with what is known of them so far."""
+    return views.tasks(ctx.engine, application_id, cursor, limit)
+
+
+@router.get("/tasks/{task}")
+def get_task(application_id: str, task: int, ctx: Ctx) -> TaskResult:
+    """One task: its own optimum, and its motion with each method's design."""
+    return views.task(ctx.engine, application_id, task)
+
+
+@router.get("/tasks/{task}/trajectory", response_model=Trajectory, responses={200: {"content": {"text/csv": {}}}})
+def get_trajectory(
+    application_id: str, task: int, request: Request, ctx: Ctx, method: Source | None = None
+) -> Response | Trajectory:
+    """A motion on its grid, as JSON, or as CSV with `Accept: text/csv`."""
+    trajectory = results.trajectory(ctx.engine, application_id, task, method)
+    if "text/csv" in request.headers.get("accept", ""):
+        return Response(_csv(trajectory.model_dump()), media_type="text/csv")
+    # Built by us from checked arrays: validating thousands of floats once more would only cost time.
+    return Response(trajectory.model_dump_json(), media_type="application/json")
+
+
+@router.get("/design")
+def get_design(application_id: str, ctx: Ctx, method: MethodName | None = None) -> DesignAnswer:
+    """The final design: dimensions, parameters, constraints and what binds, motor by motor."""
+    return results.design(ctx.engine, application_id, method)
+
+
+@router.get("/designs")
+def get_designs(application_id: str, ctx: Ctx) -> DesignsAnswer:
+    """Every task's own design, their mean, and each method's design."""
+    return results.designs(ctx.engine, application_id)
+
+
+@router.get("/comparison")
+def get_comparison(application_id: str, ctx: Ctx) -> ComparisonAnswer:
+    """Methods side by side, per task and in total, and their regret."""
+    return results.comparison(ctx.engine, application_id)
+
+
+def _csv(trajectory: dict[str, Any]) -> str:
+    """One row a point; a column a quantity and joint, such as joint_position_rad_1."""
+    columns = [name for name, values in trajectory.items() if values and isinstance(values, list) and name != "time_s"]
+    joints = len(trajectory[columns[0]][0])
+    out = io.StringIO()
+    writer = csv.writer(out)
+    writer.writerow(["time_s", *(f"{name}_{k + 1}" for name in columns for k in range(joints))])
+    for point, time in enumerate(trajectory["time_s"]):
+        writer.writerow([time, *(value for name in columns for value in trajectory[name][point])])
+    return out.getvalue()

@@ -1,0 +1,32 @@
+"""Robots: presets and uploads."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Response
+
+from api.context import Ctx
+from services.jobs.robots import get_robot, list_robots, upload_robot
+
+router = APIRouter(prefix="/v1/robots", tags=["robots"])
+
+
+@router.get("")
+def list_all(ctx: Ctx) -> dict[str, Any]:
+    """Presets and uploaded robots."""
+    return {"items": list_robots(ctx.engine), "next_cursor": None}
+
+
+@router.get("/{robot_id}")
+def get_one(robot_id: str, ctx: Ctx) -> dict[str, Any]:
+    """A robot in the form that uploads take."""
+    return dict(get_robot(ctx.engine, robot_id))
+
+
+@router.post("", status_code=201)
+def upload(body: dict[str, Any], response: Response, ctx: Ctx) -> dict[str, str]:
+    """Keep a robot, to be named by its id in applications."""
+    robot_id = upload_robot(ctx.engine, body)
+    response.headers["Location"] = f"/v1/robots/{robot_id}"
+    return {"id": robot_id}

@@ -1,0 +1,173 @@
+"""Designs, comparison and motions of an application, as people get them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from sqlalchemy import Engine, select
+from sqlalchemy.orm import Session
+
+from services.codesign.describe import describe_design
+from services.codesign.motor_data import DIMENSIONS
+from services.jobs.arrays import unpack_motion
+from services.jobs.resolved import ResolvedApplication
+from services.jobs.store import results_of
+from services.jobs.views import NotFoundError, load, objective_unit
+from services.jobs.work import design_array
+from shared.contracts import results as wire
+from shared.db.engine import reading
+from shared.db.tables import Application, Design, Job, Result
+from shared.domain import Stage
+
+OWN = "own"
+CONTROL = {
+    "voltage": "voltages are constant on each interval: the value at a point holds on the interval that it ends",
+    "current": "currents run linearly over each interval; voltages follow from the motor's equations",
+}
+
+
+def design(engine: Engine, application_id: str, method: str | None = None) -> wire.DesignAnswer:
+    """The application's design, or that of one of its other methods."""
+    with reading(engine) as session:
+        application, resolved = load(session, application_id)
+        name = method or resolved.method
+        stored = session.get(Design, (application.id, application.generation, name))
+        if stored is None or name not in resolved.methods:
+            raise NotFoundError(_no_design(application, resolved, name))
+    design_mm = stored.content["design_mm"]
+    return wire.DesignAnswer(
+        application_id=application_id,
+        method=name,
+        motors=describe_design(design_array(design_mm), resolved.build_motor()),
+        design_mm=design_mm,
+    )
+
+
+def _no_design(application: Application, resolved: ResolvedApplication, name: str) -> str:
+    if name not in resolved.methods:
+        return f"the application has methods {', '.join(resolved.methods)}, not {name}"
+    return f"there is no design of method {name}; the application is {application.state}"
+
+
+def designs(engine: Engine, application_id: str) -> wire.DesignsAnswer:
+    """Every task's own design, the mean, and each method's."""
+    with reading(engine) as session:
+        application, resolved = load(session, application_id)
+        own = results_of(session, application, Stage.CODESIGN)
+        shared = _shared_designs(session, application)
+    return wire.DesignsAnswer(
+        dimensions=list(DIMENSIONS),
+        tasks=[
+            wire.OwnDesign(index=r.task_index, name=resolved.tasks[r.task_index].name, design_mm=r.summary["design_mm"])
+            for r in own
+            if "design_mm" in r.summary
+        ],
+        mean=_shared_design(shared.pop("mean", None)),
+        methods={name: answer for name, content in shared.items() if (answer := _shared_design(content)) is not None},
+    )
+
+
+def _shared_designs(session: Session, application: Application) -> dict[str, dict[str, Any]]:
+    rows = session.scalars(
+        select(Design).where(Design.application_id == application.id, Design.generation == application.generation)
+    )
+    return {row.kind: row.content for row in rows}
+
+
+def _shared_design(content: dict[str, Any] | None) -> wire.SharedDesign | None:
+    return None if content is None else wire.SharedDesign.model_validate(content)
+
+
+def comparison(engine: Engine, application_id: str) -> wire.ComparisonAnswer:
+    """Methods side by side over the tasks that all of them solved, and their regret."""
+    with reading(engine) as session:
+        application, resolved = load(session, application_id)
+        found = {OWN: _solved(results_of(session, application, Stage.CODESIGN))}
+        motions = results_of(session, application, Stage.MOTIONS)
+        shared = _shared_designs(session, application)
+    found |= {method: _solved([r for r in motions if r.method == method]) for method in resolved.methods}
+    present = {name: results for name, results in found.items() if results}
+    compared = sorted(set.intersection(*(set(results) for results in present.values()))) if present else []
+    values = {
+        name: np.array([resolved.objective_value(results[k]) for k in compared]) for name, results in present.items()
+    }
+    return wire.ComparisonAnswer(
+        objective=resolved.objective.kind,
+        unit=objective_unit(resolved),
+        tasks_compared=compared,
+        task_names=[resolved.tasks[k].name for k in compared],
+        grid=resolved.grid,
+        methods={
+            name: _totals([results[k] for k in compared], shared.get(name, {}).get("design_mm"))
+            for name, results in present.items()
+        },
+        regret={name: _regret(value, values[OWN]) for name, value in values.items() if name != OWN and compared},
+        missing={
+            method: "has a design, but no motion yet" if method in shared else "has no design"
+            for method in resolved.methods
+            if method not in present
+        },
+    )
+
+
+def _solved(results: list[Result]) -> dict[int, dict[str, Any]]:
+    return {r.task_index: r.summary for r in results if "final_time_s" in r.summary}
+
+
+MEASURES = ("final_time_s", "energy_V2s", "electrical_energy_J", "copper_loss_J")
+
+
+def _totals(summaries: list[dict[str, Any]], design_mm: list[list[float]] | None) -> wire.MethodTotals:
+    totals = {name: sum(summary[name] for summary in summaries) for name in MEASURES}
+    return wire.MethodTotals(
+        total_time_s=totals["final_time_s"],
+        total_energy_V2s=totals["energy_V2s"],
+        total_electrical_energy_J=totals["electrical_energy_J"],
+        total_copper_loss_J=totals["copper_loss_J"],
+        per_task=[{name: summary[name] for name in MEASURES} for summary in summaries],
+        design_mm=design_mm,
+    )
+
+
+def _regret(values: np.ndarray, own: np.ndarray) -> wire.Regret:
+    return wire.Regret(total=float(values.sum() / own.sum() - 1), per_task=[float(share) for share in values / own - 1])
+
+
+def trajectory(engine: Engine, application_id: str, task: int, method: str | None) -> wire.Trajectory:
+    """A motion on its grid: the task's own (method `own`), or with a method's design (default: the application's)."""
+    with reading(engine) as session:
+        application, resolved = load(session, application_id)
+        name = method or resolved.method
+        stage = Stage.CODESIGN if name == OWN else Stage.MOTIONS
+        row = session.execute(
+            select(Result.arrays, Job.state, Job.reason)
+            .join(Job, Job.id == Result.job_id)
+            .where(
+                Result.application_id == application.id,
+                Result.generation == application.generation,
+                Result.stage == stage,
+                Result.method == ("" if name == OWN else name),
+                Result.task_index == task,
+            )
+        ).one_or_none()
+    if row is None or row.arrays is None:
+        why = "" if row is None or row.reason is None else f": {row.reason}"
+        raise NotFoundError(f"there is no motion of task {task} with method {name}{why}")
+    motion, _ = unpack_motion(row.arrays)
+    return wire.Trajectory(
+        application_id=application_id,
+        task=task,
+        method=name,
+        time_s=motion.time.tolist(),
+        joint_position_rad=motion.position.tolist(),
+        joint_speed_rad_s=motion.speed.tolist(),
+        joint_torque_Nm=motion.torque.tolist(),
+        current_d_A=motion.current_d.tolist(),
+        current_q_A=motion.current_q.tolist(),
+        voltage_d_V=motion.voltage_d.tolist(),
+        voltage_q_V=motion.voltage_q.tolist(),
+        control=CONTROL[resolved.transcription.control],
+        scheme=resolved.transcription.scheme,
+        degree=resolved.transcription.degree,
+    )

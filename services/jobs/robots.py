@@ -1,0 +1,58 @@
+"""Robots people can name: presets, and uploads kept in the database."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from sqlalchemy import Engine, select
+
+from services.codesign.robot import Robot, RobotError, preset_names, preset_wire
+from services.jobs.submit import find_robot
+from services.jobs.views import NotFoundError
+from shared.contracts.errors import FieldError, InvalidInputError
+from shared.db.engine import reading, transaction
+from shared.db.tables import UploadedRobot
+from shared.domain import new_id
+
+
+def list_robots(engine: Engine) -> list[dict[str, str]]:
+    """Presets by name, then uploads by id, newest first."""
+    with reading(engine) as session:
+        rows = session.scalars(select(UploadedRobot).order_by(UploadedRobot.id.desc())).all()
+    presets = [
+        {"id": name, "name": name, "kind": "preset", "description": str(preset_wire(name).get("description", ""))}
+        for name in preset_names()
+    ]
+    return presets + [
+        {"id": row.id, "name": row.name, "kind": "upload", "description": str(row.wire.get("description", ""))}
+        for row in rows
+    ]
+
+
+def get_robot(engine: Engine, robot_id: str) -> Mapping[str, Any]:
+    """A robot's wire form."""
+    if robot_id in preset_names():
+        return preset_wire(robot_id)
+    wire = find_robot(engine, robot_id)
+    if wire is None:
+        raise NotFoundError(f"there is no robot {robot_id}")
+    return wire
+
+
+def upload_robot(engine: Engine, wire: Mapping[str, Any]) -> str:
+    """Store a robot; returns its id.
+
+    Raises
+    ------
+    InvalidInputError
+        When it does not describe an arm.
+    """
+    try:
+        robot = Robot.from_wire(wire)
+    except RobotError as error:
+        raise InvalidInputError([FieldError(error.field, None, error.reason)]) from error
+    row = UploadedRobot(id=new_id(), name=robot.name, wire=dict(wire))
+    with transaction(engine) as session:
+        session.add(row)
+    return row.id

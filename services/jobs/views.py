@@ -1,0 +1,270 @@
+"""What is stored, as people get it. Everything is read; nothing is computed that a job could have stored."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import Engine, func, select
+from sqlalchemy.orm import Session
+
+from services.jobs.plan import planned_jobs
+from services.jobs.resolved import ResolvedApplication
+from shared.contracts import results as wire
+from shared.db.clock import now
+from shared.db.engine import reading
+from shared.db.tables import Application, Job, Result
+from shared.domain import JobState, Stage
+
+
+class NotFoundError(Exception):
+    """There is no such application, task, or result; the message says which."""
+
+
+def load(session: Session, application_id: str) -> tuple[Application, ResolvedApplication]:
+    """An application's row and meaning.
+
+    Raises
+    ------
+    NotFoundError
+    """
+    application = session.get(Application, application_id)
+    if application is None:
+        raise NotFoundError(f"there is no application {application_id}")
+    return application, ResolvedApplication.model_validate(application.resolved)
+
+
+def status(engine: Engine, application_id: str) -> wire.ApplicationStatus:
+    """An application as it stands."""
+    with reading(engine) as session:
+        application, resolved = load(session, application_id)
+        return wire.ApplicationStatus(
+            id=application.id,
+            name=application.name,
+            state=application.state,
+            reason=application.reason,
+            cancel_requested=application.cancel_requested,
+            progress=_progress(session, application, resolved),
+            objective=resolved.objective,
+            method=resolved.method,
+            methods=resolved.methods,
+            robot=str(resolved.robot.get("name")),
+            tasks=len(resolved.tasks),
+            grid=resolved.grid,
+            excluded_tasks=_excluded(session, application, resolved),
+            timings=_timings(session, application),
+            created_at=_iso(application.created_at) or "",
+            started_at=_iso(application.started_at),
+            finished_at=_iso(application.finished_at),
+            tags=application.tags,
+            versions=application.versions,
+        )
+
+
+def list_applications(
+    engine: Engine, cursor: str | None, limit: int, state: str | None, tag: str | None
+) -> wire.ApplicationList:
+    """Newest first; `cursor` is the id after which to go on."""
+    with reading(engine) as session:
+        statement = select(Application).order_by(Application.id.desc()).limit(limit + 1)
+        if cursor is not None:
+            statement = statement.where(Application.id < cursor)
+        if state is not None:
+            statement = statement.where(Application.state == state)
+        if tag is not None:
+            statement = statement.where(Application.tags.as_string().contains(f'"{tag}"', autoescape=True))
+        rows = list(session.scalars(statement))
+    items = [
+        wire.ApplicationItem(
+            id=row.id,
+            name=row.name,
+            state=row.state,
+            created_at=_iso(row.created_at) or "",
+            finished_at=_iso(row.finished_at),
+            tags=row.tags,
+        )
+        for row in rows[:limit]
+    ]
+    return wire.ApplicationList(items=items, next_cursor=items[-1].id if len(rows) > limit else None)
+
+
+def tasks(engine: Engine, application_id: str, start: int, limit: int) -> wire.TaskList:
+    """Tasks `start`, `start` + 1, ... with their results so far."""
+    with reading(engine) as session:
+        application, resolved = load(session, application_id)
+        stop = min(start + limit, len(resolved.tasks))
+        items = _tasks(session, application, resolved, range(start, stop))
+    return wire.TaskList(items=items, next_cursor=str(stop) if stop < len(resolved.tasks) else None)
+
+
+def task(engine: Engine, application_id: str, index: int) -> wire.TaskResult:
+    """One task."""
+    with reading(engine) as session:
+        application, resolved = load(session, application_id)
+        if not 0 <= index < len(resolved.tasks):
+            raise NotFoundError(f"the application has tasks 0 to {len(resolved.tasks) - 1}, there is no task {index}")
+        return _tasks(session, application, resolved, range(index, index + 1))[0]
+
+
+def _tasks(
+    session: Session, application: Application, resolved: ResolvedApplication, indices: range
+) -> list[wire.TaskResult]:
+    of_range = (
+        Job.application_id == application.id,
+        Job.generation == application.generation,
+        Job.task_index >= indices.start,
+        Job.task_index < indices.stop,
+    )
+    jobs = session.execute(select(Job.stage, Job.method, Job.task_index, Job.state, Job.reason).where(*of_range)).all()
+    stored = session.execute(
+        select(Result.stage, Result.method, Result.task_index, Result.summary).where(
+            Result.application_id == application.id,
+            Result.generation == application.generation,
+            Result.task_index >= indices.start,
+            Result.task_index < indices.stop,
+        )
+    ).all()
+    by_task = defaultdict(list)
+    for job in jobs:
+        by_task[job.task_index].append(job)
+    summaries = {(row.task_index, row.stage, row.method): row.summary for row in stored}
+    return [_task(resolved, k, by_task[k], summaries) for k in indices]
+
+
+def _task(
+    resolved: ResolvedApplication, index: int, jobs: list[Any], summaries: dict[tuple[int, str, str], dict[str, Any]]
+) -> wire.TaskResult:
+    asked = resolved.tasks[index]
+    own = summaries.get((index, Stage.CODESIGN, ""), {})
+    motions = {method: summaries.get((index, Stage.MOTIONS, method), {}) for method in resolved.methods}
+    reasons = [job.reason for job in sorted(jobs, key=lambda job: str(job.stage)) if job.reason]
+    return wire.TaskResult(
+        index=index,
+        name=asked.name,
+        payload_kg=asked.payload_kg,
+        weight=asked.weight,
+        state=_task_state([JobState(job.state) for job in jobs]),
+        reason=reasons[0] if reasons else None,
+        solver_status=own.get("solver_status"),
+        iterations=own.get("iterations"),
+        solve_time_s=own.get("solve_time_s"),
+        own=motion_result(own),
+        methods={method: result for method, s in motions.items() if (result := motion_result(s)) is not None},
+    )
+
+
+def motion_result(summary: dict[str, Any]) -> wire.MotionResult | None:
+    """A stored summary as people get it; None when its solve failed."""
+    return wire.MotionResult.model_validate(summary) if "final_time_s" in summary else None
+
+
+def _task_state(states: list[JobState]) -> str:
+    """The worst of a task's jobs."""
+    for state in (JobState.DEAD, JobState.FAILED, JobState.CANCELLED, JobState.RUNNING, JobState.QUEUED):
+        if state in states:
+            return state
+    return JobState.SUCCEEDED if states else JobState.QUEUED
+
+
+def _progress(session: Session, application: Application, resolved: ResolvedApplication) -> wire.Progress:
+    counts: dict[str, Counter[str]] = defaultdict(Counter)
+    rows = session.execute(
+        select(Job.stage, Job.state, func.count())
+        .where(Job.application_id == application.id, Job.generation == application.generation)
+        .group_by(Job.stage, Job.state)
+    )
+    for stage, state, count in rows:
+        counts[stage][state] = count
+    planned = planned_jobs(resolved)
+    stages = [
+        wire.StageProgress(name=stage, total=sum(counts[stage].values()) or total, **counts[stage])
+        for stage, total in planned.items()
+    ]
+    finished = application.finished_at is not None
+    done = sum(s.succeeded + s.failed + s.dead + s.cancelled for s in stages)
+    total = sum(s.queued + s.running for s in stages) + done if finished else sum(s.total for s in stages)
+    return wire.Progress(
+        stages=stages,
+        done=done,
+        total=total,
+        eta_s=None if finished else _time_left(session, application, done, total),
+        last=_result(session, application, resolved, latest=True),
+        best=_result(session, application, resolved, latest=False),
+    )
+
+
+def _time_left(session: Session, application: Application, done: int, total: int) -> float | None:
+    if not done or application.started_at is None:
+        return None
+    elapsed = (session.scalar(select(now())) or 0.0) - application.started_at
+    return max(0.0, elapsed * (total - done) / done)
+
+
+def _result(
+    session: Session, application: Application, resolved: ResolvedApplication, *, latest: bool
+) -> wire.LatestResult | None:
+    statement = (
+        select(Result.task_index, Result.stage, Result.method, Result.value)
+        .join(Job, Job.id == Result.job_id)
+        .where(
+            Result.application_id == application.id,
+            Result.generation == application.generation,
+            Result.value.is_not(None),
+        )
+        .order_by(Job.finished_at.desc() if latest else Result.value)
+        .limit(1)
+    )
+    row = session.execute(statement).one_or_none()
+    if row is None:
+        return None
+    return wire.LatestResult(
+        task=resolved.tasks[row.task_index].name,
+        task_index=row.task_index,
+        stage=row.stage,
+        method=row.method or "own",
+        value=row.value,
+        unit=objective_unit(resolved),
+    )
+
+
+def objective_unit(resolved: ResolvedApplication) -> str:
+    """Unit of `ResolvedApplication.objective_value`."""
+    return "V2 s" if resolved.objective.kind == "energy" else "s"
+
+
+def _excluded(session: Session, application: Application, resolved: ResolvedApplication) -> list[wire.ExcludedTask]:
+    rows = session.execute(
+        select(Job.task_index, Job.reason)
+        .where(
+            Job.application_id == application.id,
+            Job.generation == application.generation,
+            Job.stage == Stage.CODESIGN,
+            Job.state.in_([JobState.FAILED, JobState.DEAD]),
+        )
+        .order_by(Job.task_index)
+    )
+    return [
+        wire.ExcludedTask(index=row.task_index, name=resolved.tasks[row.task_index].name, reason=row.reason)
+        for row in rows
+    ]
+
+
+def _timings(session: Session, application: Application) -> wire.Timings:
+    jobs = (Job.application_id == application.id, Job.generation == application.generation)
+    first, last, worked = session.execute(
+        select(func.min(Job.started_at), func.max(Job.finished_at), func.sum(Job.finished_at - Job.started_at)).where(
+            *jobs
+        )
+    ).one()
+    solved = session.scalar(
+        select(func.sum(Result.summary["solve_time_s"].as_float())).where(
+            Result.application_id == application.id, Result.generation == application.generation
+        )
+    )
+    wall = None if first is None or last is None else last - first
+    return wire.Timings(solver_time_s=solved or 0.0, worker_time_s=worked or 0.0, wall_time_s=wall)
+
+
+def _iso(seconds: float | None) -> str | None:
+    return None if seconds is None else datetime.fromtimestamp(seconds, UTC).isoformat(timespec="milliseconds")
