@@ -20,10 +20,6 @@ from shared.contracts.errors import FieldError, InvalidInputError, field_errors
 log = structlog.get_logger()
 
 MEDIA_TYPE = "application/problem+json"
-LOCATION_PARTS = frozenset(
-    # where pydantic says "body", and which branch of a union it tried: not fields that a person sent
-    {"body", "query", "path", "TaskSetRequest", "list[TaskRequest]", "dict[str,any]", "constrained-str", "str", "int"}
-)
 MOST_ERRORS = 20
 
 
@@ -57,7 +53,7 @@ def install_error_handlers(app: FastAPI) -> None:
         details = list(error.errors())
         if any(detail["type"] == "json_invalid" for detail in details):
             return problem(400, f"the body is not JSON: {details[0]['ctx']['error']}")
-        return refusal(field_errors(details, LOCATION_PARTS))
+        return refusal(field_errors(details))
 
     @app.exception_handler(InvalidInputError)
     async def _invalid(_request: Request, error: InvalidInputError) -> JSONResponse:

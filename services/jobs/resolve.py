@@ -11,11 +11,14 @@ from services.codesign.motor_data import MotorData, MotorDataError
 from services.codesign.reconcile import feasible_design
 from services.codesign.robot import Robot, RobotError, preset_names, preset_wire
 from services.jobs.resolved import ResolvedApplication, ResolvedTask
-from shared.contracts.application import ApplicationRequest, GridRequest, MotorRequest, TaskRequest
+from shared.contracts.application import ApplicationRequest, GridRequest, MotorRequest, ObjectiveRequest, TaskRequest
 from shared.contracts.errors import FieldError, InvalidInputError
 
 RobotLookup = Callable[[str], Mapping[str, Any] | None]
 """Finds an uploaded robot by id; None when there is none."""
+
+LONGEST_TIME_S = 1000.0
+"""Largest upper bound of a free t_f."""
 
 Located = tuple[str, ResolvedTask]
 """A task and the field of the request that it came from."""
@@ -32,7 +35,8 @@ def resolve(request: ApplicationRequest, find_robot: RobotLookup, max_tasks: int
     wire, robot = _robot(request.robot, find_robot)
     motor = _motor(request.motor)
     located = list(_tasks(request, robot, max_tasks))
-    errors = [error for field, task in located for error in _task_errors(field, task, robot)]
+    errors = list(_objective_errors(request.objective))
+    errors += [error for field, task in located for error in _task_errors(field, task, robot)]
     errors += _duplicate_names(located)
     if request.objective.kind == "energy":
         errors += _durations(request, located)
@@ -119,6 +123,26 @@ def _grid(grid: GridRequest, joints: int) -> Iterator[Located]:
             )
 
 
+def _objective_errors(objective: ObjectiveRequest) -> Iterator[FieldError]:
+    low, high = objective.final_time_bounds_s
+    if not 0 < low < high <= LONGEST_TIME_S:
+        limit = f"must be [low, high] in s with 0 < low < high <= {LONGEST_TIME_S:g}"
+        yield FieldError("objective.final_time_bounds_s", str(objective.final_time_bounds_s), limit)
+    weighted = {
+        "alpha": objective.alpha,
+        "time_reference_s": objective.time_reference_s,
+        "energy_reference_V2s": objective.energy_reference_V2s,
+    }
+    if objective.kind == "weighted" and objective.alpha is None:
+        yield FieldError("objective.alpha", None, "a weighted objective needs it, between 0 (time) and 1 (energy)")
+    if objective.kind != "weighted":
+        for name, value in weighted.items():
+            if value is not None:
+                yield FieldError(
+                    f"objective.{name}", value, f"belongs to the weighted objective, not to {objective.kind}"
+                )
+
+
 def _task_errors(field: str, task: ResolvedTask, robot: Robot) -> Iterator[FieldError]:
     angles = {"start_rad": task.start_rad, "end_rad": task.end_rad}
     speeds = {"start_speed_rad_s": task.start_speed_rad_s, "end_speed_rad_s": task.end_speed_rad_s}
@@ -131,12 +155,11 @@ def _task_errors(field: str, task: ResolvedTask, robot: Robot) -> Iterator[Field
             yield FieldError(f"{field}.{name}", str(values), limit)
             continue
         low, high, unit = _range(robot, name)
-        for k in np.flatnonzero((np.array(values) < low) | (np.array(values) > high)):
+        beyond = np.maximum(low - np.array(values), np.array(values) - high)
+        wrong = [int(beyond.argmax())] if from_grid else range(robot.joints)
+        for k in (k for k in wrong if beyond[k] > 0):
             where = field if from_grid else f"{field}.{name}[{k}]"
-            limit = f"joint {k + 1} allows {low[k]:.6g} to {high[k]:.6g} {unit}"
-            yield FieldError(where, values[k], limit)
-            if from_grid:
-                return
+            yield FieldError(where, values[k], f"joint {k + 1} allows {low[k]:.6g} to {high[k]:.6g} {unit}")
 
 
 def _range(robot: Robot, name: str) -> tuple[np.ndarray, np.ndarray, str]:

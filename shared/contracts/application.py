@@ -6,9 +6,10 @@ Here a request is checked by itself. What needs the robot (number of joints, joi
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
 LONGEST_NAME = 200
 Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
@@ -31,17 +32,6 @@ class ObjectiveRequest(Strict):
     time_reference_s: float | None = Field(None, gt=0, description="`weighted`; default: the task's minimum time")
     energy_reference_V2s: float | None = Field(None, gt=0, description="`weighted`; default: of that motion")
     final_time_bounds_s: list[float] = Field([0.05, 20.0], min_length=2, max_length=2)
-
-    @model_validator(mode="after")
-    def _consistent(self) -> ObjectiveRequest:
-        low, high = self.final_time_bounds_s
-        if not 0 < low < high <= 1000:
-            raise ValueError("final_time_bounds_s must be [low, high] with 0 < low < high <= 1000 s")
-        if self.kind == "weighted" and self.alpha is None:
-            raise ValueError("a weighted objective needs alpha between 0 (time) and 1 (energy)")
-        if self.kind != "weighted" and self.alpha is not None:
-            raise ValueError(f"alpha belongs to the weighted objective, not to {self.kind}")
-        return self
 
 
 class TaskRequest(Strict):
@@ -116,6 +106,44 @@ class TranscriptionRequest(Strict):
     )
 
 
+def _task_form(value: Any) -> str | None:
+    """Which of the two forms a person meant, so that only its errors are shown."""
+    if isinstance(value, dict | TaskSetRequest):
+        return "task grid"
+    return "task list" if isinstance(value, list) else None
+
+
+def _robot_form(value: Any) -> str | None:
+    if isinstance(value, dict):
+        return "inline robot"
+    return "robot name" if isinstance(value, str) else None
+
+
+def _choice_form(value: Any) -> str | None:
+    if isinstance(value, str):
+        return "task name"
+    return "task index" if isinstance(value, int) and not isinstance(value, bool) else None
+
+
+def _one_of(choose: Callable[[Any], str | None], expected: str) -> Discriminator:
+    return Discriminator(choose, custom_error_type="wrong_form", custom_error_message=f"must be {expected}")
+
+
+UNION_TAGS = frozenset({"task grid", "task list", "inline robot", "robot name", "task name", "task index"})
+"""Parts of error locations that are not fields."""
+
+Tasks = Annotated[
+    Annotated[TaskSetRequest, Tag("task grid")] | Annotated[list[TaskRequest], Tag("task list")],
+    _one_of(_task_form, "a list of tasks, or {grid: ...}"),
+]
+RobotChoice = Annotated[
+    Annotated[str, Tag("robot name")] | Annotated[dict[str, Any], Tag("inline robot")],
+    _one_of(_robot_form, "a preset's name, the id of an uploaded robot, or a robot"),
+]
+TaskChoice = Annotated[
+    Annotated[int, Tag("task index")] | Annotated[Name, Tag("task name")],
+    _one_of(_choice_form, "a task's index or name"),
+]
 MethodName = Literal["two_step", "empirical", "worst_case"]
 
 
@@ -123,15 +151,15 @@ class ApplicationRequest(Strict):
     """An application: tasks for an arm, and what to minimise."""
 
     name: Name
-    robot: str | dict[str, Any] = Field("ur5", description="a preset, the id of an uploaded robot, or a robot inline")
+    robot: RobotChoice = Field("ur5", description="a preset, the id of an uploaded robot, or a robot inline")
     objective: ObjectiveRequest = ObjectiveRequest()
-    tasks: TaskSetRequest | list[TaskRequest]
+    tasks: Tasks
     motor: MotorRequest = MotorRequest()
     transcription: TranscriptionRequest = TranscriptionRequest()
     method: MethodName = "two_step"
     compare: list[MethodName] = Field(default_factory=list)
-    empirical_task: int | Name | None = None
-    worst_case_task: int | Name | None = None
+    empirical_task: TaskChoice | None = None
+    worst_case_task: TaskChoice | None = None
     tags: list[Name] = Field(default_factory=list, max_length=MOST_TAGS)
 
     model_config = ConfigDict(

@@ -9,8 +9,14 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from shared.contracts.application import UNION_TAGS
+
 LONGEST_VALUE = 120
 """Characters of an offending value that are quoted back."""
+
+
+NOT_FIELDS = UNION_TAGS | {"body"}
+"""Parts of pydantic's error locations that no person wrote."""
 
 
 @dataclass(frozen=True)
@@ -64,14 +70,14 @@ def field_path(location: Iterable[Any]) -> str:
     return path or "body"
 
 
-def field_errors(error: ValidationError | list[Any], skip: frozenset[str] = frozenset()) -> list[FieldError]:
-    """Field errors of a pydantic refusal; `skip` names location parts that are not fields (union branches)."""
-    details: list[Any] = error if isinstance(error, list) else list(error.errors(include_url=False))
-    return [_field_error(detail, skip) for detail in details]
+def field_errors(error: ValidationError | Iterable[Any]) -> list[FieldError]:
+    """Field errors of a pydantic refusal (or of its `errors()`)."""
+    details = error.errors(include_url=False) if isinstance(error, ValidationError) else error
+    return [_field_error(detail) for detail in details]
 
 
-def _field_error(detail: Mapping[str, Any], skip: frozenset[str]) -> FieldError:
-    location = [part for part in detail["loc"] if part not in skip]
+def _field_error(detail: Mapping[str, Any]) -> FieldError:
+    location = [part for part in detail["loc"] if part not in NOT_FIELDS]
     kind, message = detail["type"], detail["msg"].removeprefix("Value error, ")
     if kind == "missing":
         return FieldError(field_path(location), None, "is missing")
