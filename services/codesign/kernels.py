@@ -6,6 +6,7 @@ that shapes it. Without a compiler the same functions run on the CasADi virtual 
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import os
@@ -13,8 +14,9 @@ import platform
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -35,6 +37,8 @@ from services.codesign.robot import Robot
 
 COMPILER_FLAGS = ("-O1", "-fPIC", "-shared")
 """-O1: a third faster to compile than -O2, and the code is no slower (docs/performance.md)."""
+
+BUILD_LOCK_SUFFIX = ".lock"
 
 _SHAPING_SOURCES = (
     "arm.py",
@@ -86,7 +90,7 @@ _LOADED: dict[tuple[str, Path], Kernels] = {}
 def load_kernels(robot: Robot, layout: IntervalLayout, cache: Path | None = None) -> Kernels:
     """Kernels of an arm and a layout, compiled now unless the cache holds them. Kept per process.
 
-    Safe when several processes call it at once: each builds in a folder of its own and renames the result.
+    Safe when several processes call it at once: one builds, the others wait for it, and all see a whole library.
     """
     folder = default_cache() if cache is None else cache
     key = cache_key(robot, layout)
@@ -99,8 +103,30 @@ def _load(robot: Robot, layout: IntervalLayout, library: Path) -> Kernels:
     if not library.exists():
         if (compiler := _compiler()) is None:
             return _virtual_machine(robot, layout)
-        _compile(_functions(robot, layout), compiler, library)
+        with _build_lock(library):
+            if not library.exists():
+                _compile(_functions(robot, layout), compiler, library)
     return _external(library)
+
+
+@contextmanager
+def _build_lock(library: Path) -> Iterator[None]:
+    """Let one process of this machine build a library; a builder that dies lets go of the lock."""
+    library.parent.mkdir(parents=True, exist_ok=True)
+    with library.with_suffix(BUILD_LOCK_SUFFIX).open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def being_built(cache: Path) -> bool:
+    """Whether some process of this machine compiles kernels into a cache now, for progress displays."""
+    for path in cache.glob(f"*{BUILD_LOCK_SUFFIX}"):
+        with path.open() as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except BlockingIOError:
+                return True
+    return False
 
 
 def cache_key(robot: Robot, layout: IntervalLayout) -> str:
@@ -170,7 +196,6 @@ def _compiler() -> str | None:
 
 def _compile(functions: dict[str, ca.Function], compiler: str, library: Path) -> None:
     """Generate, compile each function on a thread of its own, link, and move into place in one step."""
-    library.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         objects = list(_map_threads(lambda item: _object(item[0], item[1], compiler, folder), functions.items()))
         built = str(Path(folder) / "kernels.so")
