@@ -16,6 +16,7 @@ from services.codesign.interval import parameter_sizes
 from services.codesign.motion import Motion
 from services.codesign.problem import Problem
 from services.codesign.program import Program
+from services.codesign.reconcile import feasible_design
 
 TIME_SEARCH_POINTS = 21
 TIME_SEARCH_STEPS = 20
@@ -28,6 +29,13 @@ class Guess:
     x: np.ndarray
     lam_x: np.ndarray | None = None
     lam_g: np.ndarray | None = None
+
+
+def starting_design(problem: Problem) -> np.ndarray:
+    """The design that the first rungs start from, (n, 7) [m]: the given one, or one well inside the feasible set."""
+    if problem.design is not None:
+        return problem.design
+    return np.tile(feasible_design(problem.motor), (problem.robot.joints, 1))
 
 
 def quintic(problem: Problem, final_time: float, share: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -62,14 +70,14 @@ def quintic_guess(
     final_time = float(np.clip(time_factor * shortest, low, high))
     stops, tails = _shares(program)
     q, qd, _ = quintic(problem, final_time, stops)
-    i_q, u_d, u_q = _demand(problem, program, instance, design, final_time=final_time, share=stops)
+    i_q, u_d, u_q = motor_demand(problem, program, instance, design, quintic(problem, final_time, stops))
     states = [q, qd / scales_of(problem).speed]
     if program.layout.control == "voltage":
         states += [np.zeros_like(i_q), i_q]
-        _, u_d, u_q = _demand(problem, program, instance, design, final_time=final_time, share=tails)
+        _, u_d, u_q = motor_demand(problem, program, instance, design, quintic(problem, final_time, tails))
         tail = np.hstack([u_d, u_q])
     else:
-        i_q, _, _ = _demand(problem, program, instance, design, final_time=final_time, share=tails)
+        i_q, _, _ = motor_demand(problem, program, instance, design, quintic(problem, final_time, tails))
         tail = np.hstack([np.zeros_like(i_q), i_q])
     return Guess(
         _assemble(problem, program, instance, design, final_time=final_time, states=np.hstack(states), tail=tail)
@@ -123,20 +131,18 @@ def _assemble(
     return clipped
 
 
-def _demand(
+def motor_demand(
     problem: Problem,
     program: Program,
     instance: Instance,
     design: np.ndarray,
-    *,
-    final_time: float,
-    share: np.ndarray,
+    motion: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Scaled (i_q, u_d, u_q) of the quintic, each (m, n)."""
-    q, qd, qdd = quintic(problem, final_time, share)
+    """What a motion (q, qd, qdd), each (m, n), asks of the motors: scaled (i_q, u_d, u_q), each (m, n)."""
+    q, qd, qdd = motion
     parameters = instance.parameters[: sum(parameter_sizes(problem.robot.joints).values())]
     scaled = (design / scales_of(problem).design).ravel()
-    demand = program.kernels.demand.map("demand", "serial", len(share), [3, 4], [])
+    demand = program.kernels.demand.map("demand", "serial", len(q), [3, 4], [])
     i_q, u_d, u_q = (part.full().T for part in demand(q.T, qd.T, qdd.T, scaled, parameters))
     return i_q, u_d, u_q
 
@@ -150,9 +156,9 @@ def _shortest_time(problem: Problem, program: Program, instance: Instance, desig
     speed_limit = scales_of(problem).speed
 
     def fits(final_time: float) -> bool:
-        _, qd, _ = quintic(problem, final_time, share)
-        parts = _demand(problem, program, instance, design, final_time=final_time, share=share)
-        return bool((np.abs(qd) <= speed_limit).all() and all((np.abs(part) <= 1).all() for part in parts))
+        motion = quintic(problem, final_time, share)
+        parts = motor_demand(problem, program, instance, design, motion)
+        return bool((np.abs(motion[1]) <= speed_limit).all() and all((np.abs(part) <= 1).all() for part in parts))
 
     low, high = problem.final_time_bounds
     if not fits(high):

@@ -16,15 +16,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.codesign.guess import Guess, motion_guess, quintic_guess
+from services.codesign.guess import Guess, motion_guess, quintic_guess, starting_design
 from services.codesign.instance import Instance, build_instance, scales_of
 from services.codesign.motion import read_motion
 from services.codesign.problem import Problem
 from services.codesign.program import Program, load_program
-from services.codesign.reconcile import feasible_design
 from services.codesign.solution import Attempt, Start
 from services.codesign.solver import OUT_OF_TIME, STOPPED, Outcome, Progress, SolverOptions, run
 from services.codesign.strongest_motor import strongest_motor
+from services.codesign.torque_load import torque_load
 
 SLOWER = 2.0
 """Stretch of the motion time on the second rung."""
@@ -33,6 +33,9 @@ COARSE = 5
 """The coarse grid has this many times fewer intervals, but at least `COARSEST`."""
 
 COARSEST = 8
+
+HOPELESS = 2.0
+"""Torque load (`torque_load`) above which one failed attempt is enough."""
 
 
 @dataclass(frozen=True)
@@ -86,12 +89,15 @@ def climb(
     """Try one rung after another until one succeeds, time is up, or `progress` asks to stop."""
     climber = _Climber(options, progress, time.monotonic() + options.max_wall_time, [])
     outcome = None
-    for rung in _rungs(problem, program, instance, start, climber):
+    rungs = _rungs(problem, program, instance, start, climber)
+    for rung in rungs:
         guess = rung.start()
         if guess is None:
             continue
         outcome = climber.attempt(rung.name, program, instance, guess)
         if outcome.success or outcome.status in (STOPPED, OUT_OF_TIME):
+            break
+        if torque_load(problem, program, instance).share > HOPELESS:
             break
     assert outcome is not None, "the first rung always offers a start"
     return Climb(outcome, tuple(climber.attempts))
@@ -107,13 +113,6 @@ def _rungs(
     yield Rung("slower motion", lambda: _slower(problem, program, instance, design))
     yield Rung("strongest motor", lambda: _strongest(problem, program, instance))
     yield Rung("coarse grid", lambda: _coarse(problem, program, instance, design, climber))
-
-
-def starting_design(problem: Problem) -> np.ndarray:
-    """The design that the first rungs start from, (n, 7) [m]: the given one, or one well inside the feasible set."""
-    if problem.design is not None:
-        return problem.design
-    return np.tile(feasible_design(problem.motor), (problem.robot.joints, 1))
 
 
 def _given(problem: Problem, program: Program, instance: Instance, start: Guess | Start, fallback: np.ndarray) -> Guess:

@@ -70,9 +70,12 @@ def solve(
         return _solve_with_references(problem, start, options, progress)
     program = load_program(problem.robot, problem.layout, problem.transcription.intervals)
     instance = build_instance(problem, program)
-    return _solution(
-        problem, program, instance, climb(problem, program, instance, start, options=options, progress=progress)
-    )
+    result = climb(problem, program, instance, start, options=options, progress=progress)
+    solution = _solution(problem, program, instance, result)
+    if solution.success:
+        return solution
+    reason = explain_failure(problem, program, instance, result.outcome, options=options, progress=progress)
+    return replace(solution, reason=reason)
 
 
 @dataclass(frozen=True)
@@ -149,7 +152,7 @@ def _solution(problem: Problem, program: Program, instance: Instance, result: Cl
         lam_g=outcome.lam_g,
     )
     if not outcome.success:
-        return replace(solution, reason=explain_failure(problem, program, instance, outcome))
+        return solution
     scaled, _, _ = program.split(outcome.x)
     design = scaled * scales_of(problem).design if problem.design is None else problem.design
     motion = read_motion(problem, program, outcome.x)
