@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from celery import Celery
+from kombu.exceptions import OperationalError
 from kombu.transport import TRANSPORT_ALIASES
 
 from shared.dispatch.folder_transport import SCHEME, folder_url
@@ -19,7 +20,10 @@ QUEUE = "armature"
 # is only the last resort, and one shorter than a job would start that job again while it runs.
 VISIBILITY_TIMEOUT_S = 6 * 3600.0
 # Longest wait for an answer of Redis before it counts as gone.
-SOCKET_TIMEOUT_S = 10.0
+SOCKET_TIMEOUT_S = 5.0
+# A sender is told at once that the broker is away: the message is in the outbox, and the relay has its own patience.
+# (A worker waits for its broker for ever, whatever stands here.)
+FAIL_AT_ONCE = {"max_retries": 0, "interval_start": 0, "interval_step": 0, "interval_max": 0}
 
 
 def celery_app(
@@ -102,9 +106,7 @@ def send(app: Celery, task_name: str, job_id: str | int) -> None:
     kombu.exceptions.OperationalError
         The broker did not take the message. Whoever keeps the outbox sends it again.
     """
-    # One retry, at once: after a restart of the broker the first use of a pooled connection finds it dead.
-    policy = {"max_retries": 1, "interval_start": 0, "interval_step": 0, "interval_max": 0}
-    app.send_task(task_name, args=[job_id], ignore_result=True, retry=True, retry_policy=policy)
+    app.send_task(task_name, args=[job_id], ignore_result=True, retry=False)
 
 
 def broker_reachable(app: Celery, timeout_s: float = 2.0) -> bool:
@@ -123,11 +125,11 @@ def broker_reachable(app: Celery, timeout_s: float = 2.0) -> bool:
         Whether a connection was made and the broker answered on it.
     """
     options = {"socket_timeout": timeout_s, "socket_connect_timeout": timeout_s}
-    try:
-        with app.connection_for_write(connect_timeout=timeout_s, transport_options=options) as connection:
-            connection.ensure_connection(max_retries=0, timeout=timeout_s)
-    except Exception:
-        return False
+    with app.connection_for_write(connect_timeout=timeout_s, transport_options=options) as connection:
+        try:
+            connection.ensure_connection(**FAIL_AT_ONCE)
+        except OperationalError:
+            return False
     return True
 
 
@@ -139,8 +141,11 @@ def queue_size(app: Celery) -> int:
     kombu.exceptions.OperationalError
         The broker cannot be reached.
     """
-    with app.connection_for_write() as connection, connection.channel() as channel:
-        return int(channel.queue_declare(app.conf.task_default_queue).message_count)
+    with app.connection_for_write() as connection:
+        try:
+            return int(connection.default_channel.queue_declare(app.conf.task_default_queue).message_count)
+        except connection.connection_errors as error:
+            raise OperationalError(str(error)) from error
 
 
 def worker_arguments(concurrency: int, *, hostname: str = "armature@%h", loglevel: str = "WARNING") -> list[str]:
@@ -169,10 +174,11 @@ def _embedded_url(broker_url: str) -> str:
 
 
 def _transport_options(visibility_timeout_s: float, *, embedded: bool) -> dict[str, Any]:
+    options = {"visibility_timeout": visibility_timeout_s, **FAIL_AT_ONCE}
     if embedded:
-        return {"visibility_timeout": visibility_timeout_s}
+        return options
     return {
-        "visibility_timeout": visibility_timeout_s,
+        **options,
         "socket_timeout": SOCKET_TIMEOUT_S,
         "socket_connect_timeout": SOCKET_TIMEOUT_S,
         "socket_keepalive": True,

@@ -1,5 +1,7 @@
 """Both brokers behind one fixture, and a person's way to read a queue."""
 
+# mypy: allow-untyped-calls
+
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -9,8 +11,11 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
+import pytest
 from celery import Celery
-from kombu import Connection, Consumer, pools
+from kombu import pools
+from kombu.connection import Connection
+from kombu.messaging import Consumer
 
 from shared.dispatch.broker import celery_app
 from tests.servers import Server, redis_server
@@ -29,6 +34,12 @@ class Broker:
     def folder(self) -> Path:
         """Folder of the queue, on the embedded broker."""
         return Path(self.url.removeprefix("embedded://")) / self.queue
+
+    @property
+    def redis(self) -> Server:
+        """The Redis behind it."""
+        assert self.server is not None
+        return self.server
 
     def app(self, **options: Any) -> Celery:
         """Make an application for the queue."""
@@ -81,6 +92,12 @@ class Reader:
         except TimeoutError:
             return True
         return False
+
+
+def needs_ownership(broker: Broker) -> None:
+    """Skip a test that kills or freezes the server, unless it was started for the tests."""
+    if not broker.redis.owned:
+        pytest.skip("the server in the environment is not ours to kill")
 
 
 def job_id(message: Any) -> str:

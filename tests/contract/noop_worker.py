@@ -3,6 +3,8 @@
 Run as `python -m tests.contract.noop_worker URL QUEUE FILE`.
 """
 
+# mypy: allow-untyped-decorators
+
 from __future__ import annotations
 
 import os

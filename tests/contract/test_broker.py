@@ -10,12 +10,13 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from shared.dispatch.broker import broker_reachable, queue_size, send
-from tests.contract.brokers import Broker, embedded_broker, job_id, redis_broker
+from tests.contract.brokers import Broker, embedded_broker, job_id, needs_ownership, redis_broker
 from tests.contract.noop_worker import DIE, NAP, NOTE
 from tests.servers import Server, descendants, redis_server
 
@@ -205,14 +206,22 @@ def _consume(url: str, queue: str, found) -> None:  # type: ignore[no-untyped-de
 # ------------------------------------------------------------------------------------------------------ real workers
 
 
+@contextmanager
+def running_worker(broker: Broker, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
+    command = [sys.executable, "-m", "tests.contract.noop_worker", broker.url, broker.queue, str(_record(folder))]
+    process = subprocess.Popen(command, cwd=REPOSITORY)
+    try:
+        yield process
+    finally:
+        for pid in [process.pid, *descendants(process.pid)] if process.poll() is None else []:
+            os.kill(pid, signal.SIGKILL)
+        process.wait()
+
+
 @pytest.fixture
 def worker(broker: Broker, tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
-    command = [sys.executable, "-m", "tests.contract.noop_worker", broker.url, broker.queue, str(_record(tmp_path))]
-    process = subprocess.Popen(command, cwd=REPOSITORY)
-    yield process
-    for pid in [process.pid, *descendants(process.pid)] if process.poll() is None else []:
-        os.kill(pid, signal.SIGKILL)
-    process.wait()
+    with running_worker(broker, tmp_path) as process:
+        yield process
 
 
 def test_a_worker_runs_every_task_once_and_ends_on_request(
@@ -275,6 +284,21 @@ def test_no_child_outlives_a_killed_worker(broker: Broker, worker: subprocess.Po
     _wait_for(lambda: not any(_is_alive(pid) for pid in family), timeout_s=5)
 
 
+def test_a_worker_outlives_its_redis_and_finishes_what_it_was_doing(tmp_path: Path) -> None:
+    with redis_broker() as broker, running_worker(broker, tmp_path) as worker:
+        needs_ownership(broker)
+        app = broker.app()
+        send(app, NAP, "long")
+        _wait_for(lambda: len(_lines(tmp_path)) == 1)
+        broker.redis.kill()
+        _wait_for(lambda: len(_lines(tmp_path)) == 2)
+        broker.redis.start()
+        send(app, NOTE, "afterwards")
+        _wait_for(lambda: "afterwards" in dict(_lines(tmp_path)))
+        worker.send_signal(signal.SIGTERM)
+        assert worker.wait(15) == 0
+
+
 def _record(folder: Path) -> Path:
     return folder / "record"
 
@@ -317,18 +341,17 @@ def test_a_folder_that_cannot_be_made_is_no_broker(tmp_path: Path) -> None:
 def test_a_redis_that_is_frozen_or_gone_cannot_be_reached_and_answers_in_time() -> None:
     with redis_broker() as broker:
         app = broker.app()
-        if broker.server is None or not broker.server.owned:
-            pytest.skip("the server in the environment is not ours to kill")
+        needs_ownership(broker)
         assert broker_reachable(app)
-        broker.server.freeze()
+        broker.redis.freeze()
         begin = time.monotonic()
         assert not broker_reachable(app, timeout_s=0.5)
         assert time.monotonic() - begin < 3
-        broker.server.thaw()
+        broker.redis.thaw()
         assert broker_reachable(app)
-        broker.server.kill()
+        broker.redis.kill()
         assert not broker_reachable(app)
-        broker.server.start()
+        broker.redis.start()
         assert broker_reachable(app)
         send(app, "some.task", "after the restart")
         assert queue_size(app) == 1
