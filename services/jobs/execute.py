@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from services.codesign.describe import describe_design
 from services.codesign.measures import Measures
+from services.codesign.motor_data import MotorData
 from services.codesign.reconcile import mean_design, project_design
 from services.codesign.solution import Solution
 from services.codesign.solve import SolverOptions, solve, with_references
@@ -76,23 +78,27 @@ def _measures(measures: Measures) -> dict[str, Any]:
 
 def _reconcile(work: Work) -> Outcome:
     """Designs of all methods: Problem 2 for the mean, a task's own design for the others."""
-    application, designs = work.application, {}
+    application, motor, designs = work.application, work.application.build_motor(), {}
     for method in application.methods:
         if method == "two_step":
             solved = sorted(work.own_designs)
             weights = [application.tasks[k].weight for k in solved]
             mean = mean_design([work.own_designs[k] for k in solved], weights)
-            projection = project_design(mean, application.build_motor())
+            projection = project_design(mean, motor)
             designs["mean"] = {"design_mm": design_mm(mean), "tasks": solved}
             if projection.feasible:
                 distance = {"distance": projection.distance, "solver_status": projection.status}
-                designs[method] = {"design_mm": design_mm(projection.design), **distance}
+                designs[method] = _design(projection.design, motor) | distance
         elif (task := application.design_task(method)) in work.own_designs:
-            designs[method] = {"design_mm": design_mm(work.own_designs[task]), "task": task}
+            designs[method] = _design(work.own_designs[task], motor) | {"task": task}
     missing = [method for method in application.methods if method not in designs]
     reason = f"no design for {', '.join(missing)}" if missing else None
     state = JobState.FAILED if application.method in missing else JobState.SUCCEEDED
     return Outcome(state, reason, summary={"methods": sorted(designs)}, designs=designs)
+
+
+def _design(design: np.ndarray, motor: MotorData) -> dict[str, Any]:
+    return {"design_mm": design_mm(design), "motors": describe_design(design, motor)}
 
 
 def design_mm(design: np.ndarray) -> list[list[float]]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
+from services.codesign.feasible_motor import motor_obstacle
 from services.codesign.motor_data import MotorData, MotorDataError
-from services.codesign.reconcile import feasible_design
 from services.codesign.robot import Robot, RobotError, preset_names, preset_wire
 from services.jobs.resolved import ResolvedApplication, ResolvedTask
 from shared.contracts.application import ApplicationRequest, GridRequest, MotorRequest, ObjectiveRequest, TaskRequest
@@ -16,6 +17,9 @@ from shared.contracts.errors import FieldError, InvalidInputError
 
 RobotLookup = Callable[[str], Mapping[str, Any] | None]
 """Finds an uploaded robot by id; None when there is none."""
+
+_NUMERICS = threading.Lock()
+"""CasADi's objects and IPOPT are not safe across threads, and the API answers requests on several."""
 
 LONGEST_TIME_S = 1000.0
 """Largest upper bound of a free t_f."""
@@ -86,11 +90,9 @@ def _motor(request: MotorRequest) -> MotorData:
 
 
 def _motor_feasible(motor: MotorData) -> list[FieldError]:
-    try:
-        feasible_design(motor)
-    except ValueError as error:
-        return [FieldError("motor", None, str(error))]
-    return []
+    with _NUMERICS:
+        obstacle = motor_obstacle(motor)
+    return [] if obstacle is None else [FieldError("motor", None, obstacle)]
 
 
 def _tasks(request: ApplicationRequest, robot: Robot, max_tasks: int) -> Iterator[Located]:

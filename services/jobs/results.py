@@ -8,13 +8,11 @@ import numpy as np
 from sqlalchemy import Engine, select
 from sqlalchemy.orm import Session
 
-from services.codesign.describe import describe_design
 from services.codesign.motor_data import DIMENSIONS
 from services.jobs.arrays import unpack_motion
 from services.jobs.resolved import ResolvedApplication
 from services.jobs.store import results_of
 from services.jobs.views import NotFoundError, load, objective_unit
-from services.jobs.work import design_array
 from shared.contracts import results as wire
 from shared.db.engine import reading
 from shared.db.tables import Application, Design, Job, Result
@@ -35,12 +33,11 @@ def design(engine: Engine, application_id: str, method: str | None = None) -> wi
         stored = session.get(Design, (application.id, application.generation, name))
         if stored is None or name not in resolved.methods:
             raise NotFoundError(_no_design(application, resolved, name))
-    design_mm = stored.content["design_mm"]
     return wire.DesignAnswer(
         application_id=application_id,
         method=name,
-        motors=describe_design(design_array(design_mm), resolved.build_motor()),
-        design_mm=design_mm,
+        motors=stored.content["motors"],
+        design_mm=stored.content["design_mm"],
     )
 
 
