@@ -51,7 +51,7 @@ class Instance:
 def scales_of(problem: Problem) -> Scales:
     """Scales from the limits, so that every bound is of order one."""
     robot, motor = problem.robot, problem.motor
-    torque = 1.5 * motor.pole_pairs * TYPICAL_FLUX_LINKAGE * motor.current_limit * robot.gear_ratio
+    torque = 1.5 * motor.pole_pairs * TYPICAL_FLUX_LINKAGE * motor.current_limit * np.abs(robot.gear_ratio)
     return Scales(TYPICAL_DESIGN, robot.joint_speed_limit, motor.current_limit, motor.voltage_limit, torque)
 
 

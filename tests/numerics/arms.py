@@ -15,7 +15,7 @@ from services.codesign.forward_dynamics import forward_dynamics
 from services.codesign.inverse_dynamics import inverse_dynamics
 from services.codesign.mass_matrix import mass_matrix
 from services.codesign.motor import evaluate_motor, motor_parameters
-from services.codesign.motor_data import COEFFICIENTS, MotorData
+from services.codesign.motor_data import MotorData
 from services.codesign.robot import Robot
 
 PAYLOAD_BALL_RADIUS = 0.05  # m, MODEL section 3
