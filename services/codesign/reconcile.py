@@ -71,7 +71,7 @@ def violation(design: np.ndarray, motor: MotorData) -> float:
     low, high = constraint_limits(motor)
     scale = np.abs(np.where(np.isfinite(low), low, high))
     outside = np.maximum(np.maximum(low - values, values - high) / scale, 0)
-    beyond = np.maximum(np.maximum(motor.lower - design, design - motor.upper) / motor.lower, 0)
+    beyond = np.maximum(np.maximum(1 - design / motor.lower, design / motor.upper - 1), 0)
     return float(max(outside.max(), beyond.max()))
 
 

@@ -164,7 +164,7 @@ def test_weighted_objective_needs_its_references():
 
 
 def test_unknown_objective_is_refused():
-    with pytest.raises(ValueError, match="objective.kind 'cost'"):
+    with pytest.raises(ValueError, match=r"objective\.kind 'cost'"):
         Objective("cost")
 
 
