@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from services.codesign.describe import describe_design
+from services.codesign.design_sheet import design_sheet
 from services.codesign.measures import Measures
 from services.codesign.motor_data import MotorData
 from services.codesign.reconcile import mean_design, project_design
@@ -16,7 +16,6 @@ from services.codesign.solve import SolverOptions, solve, with_references
 from services.codesign.solver import STOPPED, Progress
 from services.jobs.arrays import pack
 from services.jobs.finish import Outcome
-from services.jobs.resolved import ResolvedApplication
 from services.jobs.work import MILLIMETRE, Work
 from shared.domain import JobState, Stage
 
@@ -28,10 +27,10 @@ def execute(work: Work, options: SolverOptions, progress: Progress) -> Outcome:
     problem = work.application.build_problem(work.spec.task_index, work.design)
     if work.references is not None:
         problem = with_references(problem, work.references)
-    return _outcome(work.application, solve(problem, work.start, options, progress))
+    return _outcome(solve(problem, work.start, options, progress))
 
 
-def _outcome(application: ResolvedApplication, solution: Solution) -> Outcome:
+def _outcome(solution: Solution) -> Outcome:
     if not solution.success:
         state = JobState.CANCELLED if solution.status == STOPPED else JobState.FAILED
         return Outcome(state, solution.reason, summary=_how(solution))
@@ -43,7 +42,7 @@ def _outcome(application: ResolvedApplication, solution: Solution) -> Outcome:
         summary["references"] = {"time_s": objective.time_reference, "energy_V2s": objective.effort_reference}
     summary["objective"] = solution.objective
     summary["design_mm"] = design_mm(solution.design)
-    return Outcome(JobState.SUCCEEDED, None, application.objective_value(summary), summary, pack(solution))
+    return Outcome(JobState.SUCCEEDED, None, solution.objective, summary, pack(solution))
 
 
 def _how(solution: Solution) -> dict[str, Any]:
@@ -98,7 +97,7 @@ def _reconcile(work: Work) -> Outcome:
 
 
 def _design(design: np.ndarray, motor: MotorData) -> dict[str, Any]:
-    return {"design_mm": design_mm(design), "motors": describe_design(design, motor)}
+    return {"design_mm": design_mm(design)} | design_sheet(design, motor)
 
 
 def design_mm(design: np.ndarray) -> list[list[float]]:

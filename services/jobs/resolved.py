@@ -72,10 +72,6 @@ class ResolvedApplication(Strict):
             design=design,
         )
 
-    def objective_value(self, result: dict[str, Any]) -> float:
-        """What is compared between methods: s for `time` and `weighted`, V2 s for `energy`."""
-        return float(result["energy_V2s" if self.objective.kind == "energy" else "final_time_s"])
-
 
 def _task(task: ResolvedTask) -> Task:
     def speeds(values: list[float] | None) -> np.ndarray | None:

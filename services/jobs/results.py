@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from sqlalchemy import Engine, select
 from sqlalchemy.orm import Session
 
+from services.codesign.comparison import OWN, compare
 from services.codesign.motor_data import DIMENSIONS
 from services.jobs.arrays import unpack_motion
 from services.jobs.resolved import ResolvedApplication
@@ -18,7 +18,6 @@ from shared.db.engine import reading
 from shared.db.tables import Application, Design, Job, Result
 from shared.domain import Stage
 
-OWN = "own"
 CONTROL = {
     "voltage": "voltages are constant on each interval: the value at a point holds on the interval that it ends",
     "current": "currents run linearly over each interval; voltages follow from the motor's equations",
@@ -85,21 +84,25 @@ def comparison(engine: Engine, application_id: str) -> wire.ComparisonAnswer:
         shared = _shared_designs(session, application)
     found |= {method: _solved([r for r in motions if r.method == method]) for method in resolved.methods}
     present = {name: results for name, results in found.items() if results}
-    compared = sorted(set.intersection(*(set(results) for results in present.values()))) if present else []
     values = {
-        name: np.array([resolved.objective_value(results[k]) for k in compared]) for name, results in present.items()
+        name: [results[k]["objective"] if k in results else None for k in range(len(resolved.tasks))]
+        for name, results in present.items()
     }
+    sums = compare(values.pop(OWN, []), values)
     return wire.ComparisonAnswer(
         objective=resolved.objective.kind,
         unit=objective_unit(resolved),
-        tasks_compared=compared,
-        task_names=[resolved.tasks[k].name for k in compared],
+        tasks_compared=list(sums.counted),
+        task_names=[resolved.tasks[k].name for k in sums.counted],
         grid=resolved.grid,
         methods={
-            name: _totals([results[k] for k in compared], shared.get(name, {}).get("design_mm"))
+            name: _totals([results[k] for k in sums.counted], shared.get(name, {}).get("design_mm"))
             for name, results in present.items()
         },
-        regret={name: _regret(value, values[OWN]) for name, value in values.items() if name != OWN and compared},
+        regret={
+            name: wire.Regret(total=sums.total_regret[name], per_task=[sums.regret[name][k] for k in sums.counted])
+            for name in values
+        },
         missing={
             method: "has a design, but no motion yet" if method in shared else "has no design"
             for method in resolved.methods
@@ -112,12 +115,13 @@ def _solved(results: list[Result]) -> dict[int, dict[str, Any]]:
     return {r.task_index: r.summary for r in results if "final_time_s" in r.summary}
 
 
-MEASURES = ("final_time_s", "energy_V2s", "electrical_energy_J", "copper_loss_J")
+MEASURES = ("objective", "final_time_s", "energy_V2s", "electrical_energy_J", "copper_loss_J")
 
 
 def _totals(summaries: list[dict[str, Any]], design_mm: list[list[float]] | None) -> wire.MethodTotals:
     totals = {name: sum(summary[name] for summary in summaries) for name in MEASURES}
     return wire.MethodTotals(
+        total_objective=totals["objective"],
         total_time_s=totals["final_time_s"],
         total_energy_V2s=totals["energy_V2s"],
         total_electrical_energy_J=totals["electrical_energy_J"],
@@ -125,10 +129,6 @@ def _totals(summaries: list[dict[str, Any]], design_mm: list[list[float]] | None
         per_task=[{name: summary[name] for name in MEASURES} for summary in summaries],
         design_mm=design_mm,
     )
-
-
-def _regret(values: np.ndarray, own: np.ndarray) -> wire.Regret:
-    return wire.Regret(total=float(values.sum() / own.sum() - 1), per_task=[float(share) for share in values / own - 1])
 
 
 def trajectory(engine: Engine, application_id: str, task: int, method: str | None) -> wire.Trajectory:

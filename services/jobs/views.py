@@ -229,8 +229,8 @@ def _result(
 
 
 def objective_unit(resolved: ResolvedApplication) -> str:
-    """Unit of `ResolvedApplication.objective_value`."""
-    return "V2 s" if resolved.objective.kind == "energy" else "s"
+    """Unit of the objective; a weighted one is a plain number."""
+    return {"time": "s", "energy": "V2 s", "weighted": "1"}[resolved.objective.kind]
 
 
 def _excluded(session: Session, application: Application, resolved: ResolvedApplication) -> list[wire.ExcludedTask]:

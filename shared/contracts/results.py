@@ -123,6 +123,7 @@ class Certificate(BaseModel):
 class MotionResult(BaseModel):
     """What a motion costs and how hard it works the motors; lists are over the joints."""
 
+    objective: float = Field(description="what was minimised: s, V2 s, or the weighted sum")
     final_time_s: float
     energy_V2s: float = Field(description="integral of u'u, the paper's energy")
     electrical_energy_J: float = Field(description="signed")
@@ -198,6 +199,7 @@ class DesignsAnswer(BaseModel):
 class MethodTotals(BaseModel):
     """One method over the tasks that every method solved."""
 
+    total_objective: float = Field(description="in the comparison's unit")
     total_time_s: float
     total_energy_V2s: float
     total_electrical_energy_J: float
@@ -209,8 +211,8 @@ class MethodTotals(BaseModel):
 class Regret(BaseModel):
     """(value - the task's own optimum) / own optimum, of the objective."""
 
-    total: float
-    per_task: list[float]
+    total: float | None
+    per_task: list[float | None] = Field(description="in the order of `tasks_compared`")
 
 
 class ComparisonAnswer(BaseModel):

@@ -27,6 +27,7 @@ LONG_LEASE_S = 60.0
 EXPIRED_LEASE_S = -1.0
 
 OWN = {
+    "objective": 1.0,
     "final_time_s": 1.0,
     "energy_V2s": 2.0,
     "electrical_energy_J": 3.0,
