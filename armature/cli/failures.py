@@ -1,0 +1,62 @@
+"""From an exception to a message for a person and an exit code for a script."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import typer
+from rich.console import Console
+from typer.core import TyperGroup
+
+from armature.cli.consoles import messages
+from armature.cli.exit_codes import ExitCode
+from armature.errors import (
+    ApplicationFileError,
+    ArmatureError,
+    NotFoundError,
+    ProblemError,
+    RefusedError,
+    ServerUnreachableError,
+)
+
+
+class Commands(TyperGroup):
+    """The commands; whichever raises `ArmatureError` ends with its message instead of a traceback."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command."""
+        try:
+            return super().invoke(ctx)
+        except ArmatureError as error:
+            explain(messages(), error)
+            raise typer.Exit(exit_code(error)) from error
+        except KeyboardInterrupt:
+            raise typer.Exit(ExitCode.INTERRUPTED) from None
+
+
+def exit_code(error: ArmatureError) -> ExitCode:
+    """What a script is told."""
+    if isinstance(error, RefusedError | ApplicationFileError):
+        return ExitCode.REFUSED
+    if isinstance(error, NotFoundError):
+        return ExitCode.NOT_FOUND
+    if isinstance(error, ServerUnreachableError):
+        return ExitCode.UNREACHABLE
+    return ExitCode.ERROR
+
+
+def explain(console: Console, error: ArmatureError) -> None:
+    """What a person is told."""
+    if isinstance(error, ProblemError) and error.errors:
+        _say(console, "refused:")
+        for problem in error.errors:
+            value = "" if problem.value is None else f" = {problem.value}"
+            console.print(f"  {problem.field}{value}: {problem.limit}", soft_wrap=True)
+        return
+    _say(console, str(error))
+    if isinstance(error, ServerUnreachableError):
+        _say(console, "start one with 'armature up', or name another with --url or ARMATURE_URL")
+
+
+def _say(console: Console, text: str) -> None:
+    console.print(text, style="bold red", soft_wrap=True)

@@ -1,0 +1,149 @@
+"""Commands that ask a server.
+
+Each is a few lines over `armature.Client`. With `--json` they print what the server answered.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import islice
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armature.cli import tables
+from armature.cli.consoles import messages, output, print_json
+from armature.cli.exit_codes import exit_code_of
+from armature.client import DEFAULT_URL, Application, Client
+from armature.progress import shown_progress
+from shared.contracts.results import Accepted, ApplicationList, TaskList
+from shared.domain import ApplicationState
+
+Url = Annotated[str, typer.Option(envvar="ARMATURE_URL", help="Address of the server.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the server's answer as JSON.")]
+Id = Annotated[str, typer.Argument(metavar="ID", help="The application's id, from submit or list.", show_default=False)]
+
+
+def submit(
+    file: Annotated[Path, typer.Argument(help="An application, YAML or JSON.")],
+    url: Url = DEFAULT_URL,
+    as_json: Json = False,
+) -> None:
+    """Submit an application and print its id."""
+    with Client(url) as client:
+        application = client.submit(file)
+        if as_json:
+            status = application.status()
+            print_json(Accepted(id=status.id, state=status.state, url=f"/v1/applications/{status.id}"))
+            return
+    output().print(application.id)
+    messages().print(f"follow it with: armature watch {application.id}")
+
+
+def status(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
+    """State and progress of an application."""
+    with _application(url, application_id) as application:
+        found = application.status()
+    if as_json:
+        print_json(found)
+    else:
+        tables.print_status(output(), found)
+
+
+def watch(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
+    """Follow an application to its end; the exit code tells how it ended. Ctrl-C ends only the watching."""
+    with _application(url, application_id) as application:
+        try:
+            with shown_progress(messages()) as show:
+                found = application.wait(show)
+        except KeyboardInterrupt:
+            messages().print("\nthe application goes on; 'armature cancel' ends it")
+            raise
+    if as_json:
+        print_json(found)
+    else:
+        tables.print_status(output(), found)
+    raise typer.Exit(exit_code_of(found.state))
+
+
+def tasks(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
+    """Every task: its own optimum, its motion with each design, and why it failed."""
+    with _application(url, application_id) as application:
+        found = application.tasks()
+        if as_json:
+            print_json(TaskList(items=found, next_cursor=None))
+            return
+        about = application.status()
+    tables.print_tasks(output(), found, about.methods, about.objective.kind)
+    tables.print_failures(output(), found)
+
+
+def design(
+    application_id: Id,
+    method: Annotated[str | None, typer.Option(help="Default: the application's own.")] = None,
+    url: Url = DEFAULT_URL,
+    as_json: Json = False,
+) -> None:
+    """The design for all tasks, motor by motor, and what binds."""
+    with _application(url, application_id) as application:
+        found = application.design(method)
+    if as_json:
+        print_json(found)
+    else:
+        tables.print_design(output(), found)
+
+
+def designs(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
+    """The tasks' own designs, their mean, and each method's design."""
+    with _application(url, application_id) as application:
+        found = application.designs()
+    if as_json:
+        print_json(found)
+    else:
+        tables.print_designs(output(), found)
+
+
+def comparison(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
+    """Methods side by side: totals, regret, and heat maps of a grid."""
+    with _application(url, application_id) as application:
+        found = application.comparison()
+    if as_json:
+        print_json(found)
+    else:
+        tables.print_comparison(output(), found)
+
+
+def cancel(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
+    """Cancel an application: what is queued at once, what runs within a second or two."""
+    with _application(url, application_id) as application:
+        found = application.cancel()
+    if as_json:
+        print_json(found)
+    elif found.cancel_requested:
+        output().print(f"{found.id} {found.state}, cancel requested")
+    else:
+        output().print(f"{found.id} had ended before: {found.state}")
+
+
+def list_applications(
+    state: Annotated[ApplicationState | None, typer.Option(help="Only those in this state.")] = None,
+    tag: Annotated[str | None, typer.Option(help="Only those with this tag.")] = None,
+    limit: Annotated[int, typer.Option(min=1, help="At most so many.")] = 50,
+    url: Url = DEFAULT_URL,
+    as_json: Json = False,
+) -> None:
+    """Applications, newest first."""
+    with Client(url) as client:
+        found = list(islice(client.applications(state=state, tag=tag), limit))
+    if as_json:
+        print_json(ApplicationList(items=found, next_cursor=None))
+    else:
+        tables.print_list(output(), found)
+
+
+@contextmanager
+def _application(url: str, application_id: str) -> Iterator[Application]:
+    with Client(url) as client:
+        yield client.application(application_id)

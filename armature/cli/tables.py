@@ -1,0 +1,237 @@
+"""Results as tables for a terminal. Every number has its unit in its column or beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from armature.cli.heat_map import heat_maps
+from armature.cli.reference import Reference
+from armature.progress import current_stage, done, duration
+from shared.contracts.results import (
+    ApplicationItem,
+    ApplicationStatus,
+    ComparisonAnswer,
+    DesignAnswer,
+    DesignsAnswer,
+    TaskResult,
+)
+
+OWN = "own"
+ALIKE = 0.01
+"""Difference to a reference total above which it is explained."""
+
+QUANTITIES = {"time": "final time, s", "energy": "energy, V2 s", "weighted": "weighted sum of time and energy"}
+"""What is minimised, by the objective's kind."""
+
+REGRET = (
+    "regret: how much worse than giving each task motors of its own ('own'), a bound that no single design can beat."
+)
+
+
+def print_status(console: Console, status: ApplicationStatus) -> None:
+    """An application in a few lines."""
+    console.print(f"{status.name}  {status.id}  {status.state}", style="bold")
+    if status.reason:
+        console.print(f"  {status.reason}")
+    console.print(f"  {status.tasks} tasks, {status.objective.kind}, {', '.join(status.methods)}, robot {status.robot}")
+    for stage in status.progress.stages:
+        failed = f", {stage.failed + stage.dead} failed" if stage.failed + stage.dead else ""
+        running = f", {stage.running} running" if stage.running else ""
+        console.print(f"  {stage.name:<10} {done(stage):>4} of {stage.total}{running}{failed}")
+    if status.finished_at is None and status.progress.eta_s is not None and current_stage(status) is not None:
+        console.print(f"  about {duration(status.progress.eta_s)} left")
+    times = status.timings
+    if times.wall_time_s is not None and status.finished_at is not None:
+        console.print(f"  {times.wall_time_s:.1f} s on the clock, {times.solver_time_s:.1f} s in the solver")
+
+
+def print_list(console: Console, items: Iterable[ApplicationItem]) -> None:
+    """Applications, one a line."""
+    table = _table("id", "name", "state", "created", "tags", left=5)
+    for item in items:
+        table.add_row(item.id, item.name, item.state, item.created_at[:19].replace("T", " "), " ".join(item.tags))
+    console.print(table if table.row_count else "no applications")
+
+
+def print_design(console: Console, design: DesignAnswer) -> None:
+    """Dimensions and main parameters of every motor, then what binds."""
+    dimensions = list(design.motors[0]["dimensions_mm"])
+    title = f"Design ({design.method}), dimensions in mm"
+    table = _table("joint", *dimensions, "flux, Wb", "resist., ohm", "mass, kg", title=title)
+    for motor in design.motors:
+        values = motor["dimensions_mm"]
+        parameters = motor["parameters"]
+        mass = parameters["stator_mass_kg"] + parameters["rotor_mass_kg"]
+        table.add_row(
+            str(motor["joint"]),
+            *(f"{values[name]:.2f}" for name in dimensions),
+            f"{parameters['flux_linkage_Wb']:.4f}",
+            f"{parameters['phase_resistance_ohm']:.3f}",
+            f"{mass:.3f}",
+        )
+    console.print(table)
+    console.print("What binds:")
+    alike: dict[str, list[str]] = {}
+    for motor in design.motors:
+        names = ", ".join(_binding(motor, name) for name in motor["binding"]) or "nothing"
+        alike.setdefault(names, []).append(str(motor["joint"]))
+    for names, joints in alike.items():
+        console.print(f"  joint{'s' if len(joints) > 1 else ''} {', '.join(joints)}: {names}", soft_wrap=True)
+
+
+def _binding(motor: Mapping[str, Any], name: str) -> str:
+    """A limit's name, with the value it holds the design at."""
+    constraint = motor["constraints"].get(name)
+    if constraint is None:
+        return name
+    return f"{name} = {constraint['limit']:.4g} {constraint['unit']}"
+
+
+def print_designs(console: Console, designs: DesignsAnswer) -> None:
+    """How far the tasks' own designs lie apart, then each method's design."""
+    count = len(designs.tasks)
+    if count:
+        table = _table("joint", *designs.dimensions, title=f"Own designs of {count} tasks, lowest to highest, mm")
+        for joint, of_motor in enumerate(zip(*(task.design_mm for task in designs.tasks), strict=True)):
+            ranges = [_range(values) for values in zip(*of_motor, strict=True)]
+            table.add_row(str(joint + 1), *ranges)
+        console.print(table)
+    shared = {"mean of the own designs": designs.mean, **designs.methods}
+    for name, design in shared.items():
+        if design is None:
+            continue
+        table = _table("joint", *designs.dimensions, title=f"{name}, mm")
+        for joint, values in enumerate(design.design_mm):
+            table.add_row(str(joint + 1), *(f"{value:.2f}" for value in values))
+        console.print(table)
+
+
+def _range(values: Sequence[float]) -> str:
+    low, high = min(values), max(values)
+    return f"{low:.1f}" if high - low < 0.05 else f"{low:.1f}-{high:.1f}"
+
+
+def print_tasks(console: Console, tasks: Sequence[TaskResult], methods: Sequence[str], objective: str) -> None:
+    """One line a task: its own optimum and its motion with each design, in the objective's unit."""
+    title = f"Tasks: {QUANTITIES[objective]}"
+    table = _table("", "task", "state", "payload, kg", OWN, *methods, "iterations", "solve, s", title=title, left=3)
+    for task in tasks:
+        motions = [task.own, *(task.methods.get(method) for method in methods)]
+        table.add_row(
+            str(task.index),
+            task.name,
+            task.state,
+            f"{task.payload_kg:g}",
+            *("-" if motion is None else f"{motion.objective:.4f}" for motion in motions),
+            "-" if task.iterations is None else str(task.iterations),
+            "-" if task.solve_time_s is None else f"{task.solve_time_s:.2f}",
+        )
+    console.print(table)
+
+
+def print_failures(console: Console, tasks: Iterable[TaskResult]) -> None:
+    """Tasks that could not be solved, and why."""
+    failed = [task for task in tasks if task.state in ("failed", "dead")]
+    if not failed:
+        return
+    console.print(f"{len(failed)} {'task has' if len(failed) == 1 else 'tasks have'} a failed solve:")
+    for task in failed:
+        left_out = " (left out of the design)" if task.own is None else ""
+        console.print(f"  task {task.index}, {task.name}{left_out}: {task.reason}", soft_wrap=True)
+
+
+def print_comparison(console: Console, comparison: ComparisonAnswer, reference: Reference | None = None) -> None:
+    """Totals and regret of every method, beside the reference's; then heat maps of a grid."""
+    if not comparison.tasks_compared:
+        console.print("There is no task that every method solved: nothing to compare.")
+        return
+    if reference is not None and (reference.unit != comparison.unit or not reference.totals):
+        reference = None
+    console.print(_totals(comparison, reference))
+    for name, why in comparison.missing.items():
+        console.print(f"{name}: {why}")
+    for line in [REGRET, *_verdict(comparison), *_explanations(comparison, reference)]:
+        console.print(line, soft_wrap=True)
+    for heat_map in heat_maps(comparison):
+        console.print()
+        console.print(heat_map)
+
+
+def _totals(comparison: ComparisonAnswer, reference: Reference | None) -> Table:
+    weighted = comparison.unit == "1"
+    names = comparison.task_names
+    columns = ["method", *(["weighted sum"] if weighted else [])]
+    columns += ["time, s", "energy, V2 s", "electrical, J", "copper, J", "regret, %"]
+    columns += [] if reference is None else [f"reference, {comparison.unit}", "differs, %"]
+    title = f"Totals over {len(names)} tasks" if len(names) > 1 else f"The task '{names[0]}'"
+    table = _table(*columns, title=title)
+    for name, method in comparison.methods.items():
+        regret = comparison.regret.get(name)
+        row = [name, *([f"{method.total_objective:.4f}"] if weighted else [])]
+        row += [f"{method.total_time_s:.4f}", f"{method.total_energy_V2s:.1f}"]
+        row += [f"{method.total_electrical_energy_J:.1f}", f"{method.total_copper_loss_J:.1f}"]
+        row += ["-" if regret is None or regret.total is None else f"{100 * regret.total:.2f}"]
+        if reference is not None:
+            row += _beside(method.total_objective, reference.totals.get(name))
+        table.add_row(*row)
+    return table
+
+
+def _beside(found: float, expected: float | None) -> list[str]:
+    """A reference value, and the difference to it in percent."""
+    return ["-", "-"] if expected is None else [f"{expected:.4f}", f"{100 * (found / expected - 1):+.2f}"]
+
+
+def print_reference_tasks(console: Console, reference: Reference, tasks: Iterable[TaskResult]) -> None:
+    """Single optima beside the reference's."""
+    by_name = {task.name: task.own for task in tasks if task.own is not None}
+    rows = [(name, value, by_name[name]) for name, value in reference.tasks.items() if name in by_name]
+    if not rows:
+        return
+    unit = reference.unit
+    table = _table("own optimum of task", f"found, {unit}", f"reference, {unit}", "differs, %", title="Single tasks")
+    for name, expected, motion in rows:
+        table.add_row(name, f"{motion.objective:.4f}", *_beside(motion.objective, expected))
+    console.print(table)
+
+
+def _verdict(comparison: ComparisonAnswer) -> list[str]:
+    """When another method beats the application's own, that is said."""
+    totals = {name: method.total_objective for name, method in comparison.methods.items() if name != OWN}
+    if len(totals) < 2:
+        return []
+    chosen, best = next(iter(totals)), min(totals, key=lambda name: totals[name])
+    if best == chosen:
+        return []
+    percent = 100 * (totals[chosen] / totals[best] - 1)
+    unit = "" if comparison.unit == "1" else f" {comparison.unit}"
+    return [f"{best} does better than {chosen} here: with {chosen} the total is {percent:.2f} percent more{unit}."]
+
+
+def _explanations(comparison: ComparisonAnswer, reference: Reference | None) -> list[str]:
+    """Why totals differ from the reference, where they differ by more than rounding."""
+    if reference is None:
+        return []
+    lines = []
+    for name in comparison.methods:
+        expected = reference.totals.get(name)
+        if expected is None or abs(comparison.methods[name].total_objective / expected - 1) <= ALIKE:
+            continue
+        why = reference.explanations.get(
+            name, "no explanation is known; the tasks' own optima tell which solves differ"
+        )
+        lines.append(f"{name} differs from the reference by more than {100 * ALIKE:g} percent: {why}")
+    return lines
+
+
+def _table(*columns: str, title: str | None = None, left: int = 1) -> Table:
+    """A table without vertical lines; all columns but the first `left` hold numbers."""
+    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left", title_style="bold", pad_edge=False)
+    for k, name in enumerate(columns):
+        table.add_column(name, justify="left" if k < left else "right", no_wrap=True)
+    return table

@@ -1,0 +1,254 @@
+"""The Python client: submit applications to a server, wait for them, read their results.
+
+from armature import Client
+
+application = Client("http://127.0.0.1:8000").submit("examples/pick_and_place.yaml")
+application.wait()
+print(application.design().design_mm)
+"""
+
+from __future__ import annotations
+
+import json
+import time
+import uuid
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+from urllib.parse import quote
+
+import httpx
+
+from armature.application_file import read_application
+from armature.errors import ServerUnreachableError, problem_of
+from shared.contracts.results import (
+    Accepted,
+    ApplicationItem,
+    ApplicationList,
+    ApplicationStatus,
+    ComparisonAnswer,
+    DesignAnswer,
+    DesignsAnswer,
+    TaskList,
+    TaskResult,
+    Trajectory,
+)
+from shared.domain import ApplicationState
+
+DEFAULT_URL = "http://127.0.0.1:8000"
+
+ProgressCallback = Callable[[ApplicationStatus], None]
+"""Called with every status that `Application.wait` sees."""
+
+RETRY_WAITS_S = (0.1, 0.2, 0.4, 0.8, 1.6)
+"""Pauses before a call is tried again when nobody answers, or the server is busy (503)."""
+
+TASKS_A_PAGE = 200
+BUSY = 503
+
+
+class Client:
+    """A server's address, and what can be asked there.
+
+    Parameters
+    ----------
+    url
+        Such as ``http://127.0.0.1:8000``.
+    timeout_s
+        Longest wait for one answer [s].
+    retry_waits_s
+        Pauses between attempts [s]; every call is safe to repeat, a submission because it carries an idempotency key.
+    transport
+        Of httpx, for tests.
+    """
+
+    def __init__(
+        self,
+        url: str = DEFAULT_URL,
+        *,
+        timeout_s: float = 30.0,
+        retry_waits_s: tuple[float, ...] = RETRY_WAITS_S,
+        transport: httpx.BaseTransport | None = None,
+    ) -> None:
+        self.url = url.rstrip("/")
+        self._retry_waits_s = retry_waits_s
+        self._http = httpx.Client(base_url=self.url, timeout=timeout_s, transport=transport)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connections."""
+        self._http.close()
+
+    def submit(self, application: str | Path | Mapping[str, Any], *, idempotency_key: str | None = None) -> Application:
+        """Submit an application.
+
+        Parameters
+        ----------
+        application
+            Path of a YAML or JSON file, or its content.
+        idempotency_key
+            A second submission with the same key and content returns the first one's application. Made up when None.
+
+        Raises
+        ------
+        RefusedError
+            The server refused it, and says each field, value and limit; nothing was stored.
+        ApplicationFileError
+            The file cannot be read.
+        ServerUnreachableError
+            Nobody answers.
+        """
+        content = dict(application) if isinstance(application, Mapping) else read_application(application)
+        key = idempotency_key or new_idempotency_key()
+        # Values that JSON does not know (NaN, dates) travel as they are: the server names the field they are in.
+        body = json.dumps(content, allow_nan=True, default=str)
+        headers = {"Idempotency-Key": key, "Content-Type": "application/json"}
+        answer = self.request("POST", "/v1/applications", content=body, headers=headers)
+        return Application(self, Accepted.model_validate_json(answer.content).id)
+
+    def application(self, application_id: str) -> Application:
+        """An application that was submitted before; whether it exists shows at the first question."""
+        return Application(self, application_id)
+
+    def applications(self, *, state: str | None = None, tag: str | None = None) -> Iterator[ApplicationItem]:
+        """All applications, newest first, fetched page by page as they are read."""
+        cursor: str | None = None
+        while True:
+            page = ApplicationList.model_validate_json(
+                self._get("/v1/applications", {"cursor": cursor, "state": state, "tag": tag})
+            )
+            yield from page.items
+            if (cursor := page.next_cursor) is None:
+                return
+
+    def request(self, method: str, path: str, **options: Any) -> httpx.Response:
+        """One call, repeated while nobody answers or the server is busy.
+
+        Raises
+        ------
+        ServerUnreachableError
+            Nobody answered, however often it was tried.
+        ProblemError
+            The answer was not a success.
+        """
+        for pause in (*self._retry_waits_s, None):
+            try:
+                response = self._http.request(method, path, **options)
+            except httpx.TransportError as error:
+                if pause is None:
+                    raise ServerUnreachableError(self.url, str(error) or type(error).__name__) from error
+            else:
+                if response.is_success:
+                    return response
+                if response.status_code != BUSY or pause is None:
+                    raise problem_of(response)
+            time.sleep(pause)
+        raise AssertionError("the last attempt returns or raises")
+
+    def _get(self, path: str, query: Mapping[str, Any] | None = None) -> bytes:
+        given = {name: value for name, value in (query or {}).items() if value is not None}
+        return self.request("GET", path, params=given).content
+
+
+class Application:
+    """An application on a server. Every method asks anew; nothing is kept."""
+
+    def __init__(self, client: Client, application_id: str) -> None:
+        self.client = client
+        self.id = application_id
+        self._path = f"/v1/applications/{quote(application_id, safe='')}"
+
+    def __repr__(self) -> str:
+        return f"Application({self.id!r} at {self.client.url})"
+
+    def status(self) -> ApplicationStatus:
+        """State, progress, time left, versions."""
+        return ApplicationStatus.model_validate_json(self._get())
+
+    def wait(
+        self, progress: ProgressCallback | bool | None = None, *, timeout_s: float | None = None, poll_s: float = 0.5
+    ) -> ApplicationStatus:
+        """Wait for the end.
+
+        Parameters
+        ----------
+        progress
+            True: bars in the terminal; or a function that is called with every status seen.
+        timeout_s
+            Longest wait [s]; None: for ever.
+        poll_s
+            Pause between two questions [s].
+
+        Returns
+        -------
+        ApplicationStatus
+            The final one.
+
+        Raises
+        ------
+        TimeoutError
+            The application goes on without being waited for.
+        """
+        if progress is True:
+            from armature.progress import shown_progress
+
+            with shown_progress() as show:
+                return self.wait(show, timeout_s=timeout_s, poll_s=poll_s)
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        while True:
+            status = self.status()
+            if callable(progress):
+                progress(status)
+            if ApplicationState(status.state).final:
+                return status
+            if deadline is not None and time.monotonic() > deadline:
+                raise TimeoutError(f"application {self.id} is {status.state} after {timeout_s} s")
+            time.sleep(poll_s)
+
+    def tasks(self) -> list[TaskResult]:
+        """Every task with what is known of it so far, in order."""
+        found: list[TaskResult] = []
+        cursor: str | None = "0"
+        while cursor is not None:
+            page = TaskList.model_validate_json(self._get("/tasks", {"cursor": cursor, "limit": TASKS_A_PAGE}))
+            found += page.items
+            cursor = page.next_cursor
+        return found
+
+    def task(self, index: int) -> TaskResult:
+        """One task."""
+        return TaskResult.model_validate_json(self._get(f"/tasks/{index}"))
+
+    def design(self, method: str | None = None) -> DesignAnswer:
+        """The design for all tasks, motor by motor: dimensions, parameters, limits and what binds."""
+        return DesignAnswer.model_validate_json(self._get("/design", {"method": method}))
+
+    def designs(self) -> DesignsAnswer:
+        """Every task's own design, their mean, and each method's design."""
+        return DesignsAnswer.model_validate_json(self._get("/designs"))
+
+    def comparison(self) -> ComparisonAnswer:
+        """Methods side by side, per task and in total, and their regret."""
+        return ComparisonAnswer.model_validate_json(self._get("/comparison"))
+
+    def trajectory(self, task: int, method: str | None = None) -> Trajectory:
+        """A motion on its grid: the task's own (`own`), or with a method's design (default: the application's)."""
+        return Trajectory.model_validate_json(self._get(f"/tasks/{task}/trajectory", {"method": method}))
+
+    def cancel(self) -> ApplicationStatus:
+        """Ask for an end: queued jobs at once, running ones within a second or two."""
+        return ApplicationStatus.model_validate_json(self.client.request("POST", f"{self._path}/cancel").content)
+
+    def _get(self, path: str = "", query: Mapping[str, Any] | None = None) -> bytes:
+        return self.client._get(f"{self._path}{path}", query)
+
+
+def new_idempotency_key() -> str:
+    """A key that no other submission has."""
+    return uuid.uuid4().hex

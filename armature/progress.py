@@ -1,0 +1,126 @@
+"""Progress of an application while it is waited for: bars in a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.spinner import Spinner
+from rich.table import Table
+from rich.text import Text
+
+from shared.contracts.results import ApplicationStatus, LatestResult, StageProgress
+
+STAGES = {
+    "codesign": "co-design, task by task",
+    "reconcile": "one design for all tasks",
+    "motions": "every motion again with it",
+}
+"""What a stage does, in words."""
+
+PLAIN_EVERY_S = 5.0
+"""Longest silence between two plain lines while something moves."""
+
+BAR_WIDTH = 32
+
+Note = Callable[[], str | None]
+"""Something to say besides the counts, such as that kernels are being compiled."""
+
+Show = Callable[[ApplicationStatus], None]
+
+
+def nothing_to_note() -> str | None:
+    """The default."""
+    return None
+
+
+@contextmanager
+def shown_progress(console: Console | None = None, note: Note = nothing_to_note) -> Iterator[Show]:
+    """Give a function that shows a status; call it with every new one."""
+    console = console or Console(file=sys.stderr, highlight=False, markup=False)
+    if not console.is_terminal:
+        yield PlainProgress(console, note)
+        return
+    with Live(console=console, transient=False, refresh_per_second=8) as live:
+        spinner = Spinner("dots")
+        yield lambda status: live.update(_bars(status, note(), spinner))
+
+
+class PlainProgress:
+    """Lines for logs: one when a stage moves on, one every few seconds in between."""
+
+    def __init__(self, console: Console, note: Note, every_s: float = PLAIN_EVERY_S) -> None:
+        self._console, self._note, self._every_s = console, note, every_s
+        self._last_line, self._last_key, self._last_time = "", "", 0.0
+
+    def __call__(self, status: ApplicationStatus) -> None:
+        """Print a line, if there is something new to say."""
+        note = self._note()
+        stage = current_stage(status)
+        key = f"{status.state} {None if stage is None else stage.name} {note}"
+        line = _plain_line(status, stage, note)
+        due = time.monotonic() - self._last_time >= self._every_s
+        if key != self._last_key or (due and line != self._last_line):
+            self._console.print(line, soft_wrap=True)
+            self._last_line, self._last_key, self._last_time = line, key, time.monotonic()
+
+
+def current_stage(status: ApplicationStatus) -> StageProgress | None:
+    """The first stage that is not finished."""
+    return next((stage for stage in status.progress.stages if done(stage) < stage.total), None)
+
+
+def done(stage: StageProgress) -> int:
+    """Jobs of a stage that are at their end."""
+    return stage.succeeded + stage.failed + stage.dead + stage.cancelled
+
+
+def _plain_line(status: ApplicationStatus, stage: StageProgress | None, note: str | None) -> str:
+    parts = [status.state] if stage is None else [f"{STAGES[stage.name]}: {_counts(stage)}"]
+    return "; ".join([*parts, *_remarks(status, note)])
+
+
+def _counts(stage: StageProgress) -> str:
+    failed = stage.failed + stage.dead
+    return f"{done(stage)} of {stage.total}" + (f" ({failed} failed)" if failed else "")
+
+
+def _bars(status: ApplicationStatus, note: str | None, spinner: Spinner) -> Group:
+    table = Table.grid(padding=(0, 2))
+    now = current_stage(status)
+    for stage in status.progress.stages:
+        busy = now is stage and status.finished_at is None
+        mark = spinner if busy else Text("✓", "green") if done(stage) >= stage.total else Text(" ")
+        bar = ProgressBar(total=stage.total, completed=done(stage), width=BAR_WIDTH)
+        table.add_row(mark, STAGES[stage.name], bar, _counts(stage))
+    remarks = Text("   " + " · ".join(_remarks(status, note)), "dim", no_wrap=True, overflow="ellipsis")
+    return Group(table, remarks)
+
+
+def _remarks(status: ApplicationStatus, note: str | None) -> list[str]:
+    progress = status.progress
+    remarks = [note] if note else []
+    if progress.best is not None:
+        remarks.append(f"best {_result(progress.best)}")
+    if progress.last is not None:
+        remarks.append(f"last {_result(progress.last)}")
+    if progress.eta_s is not None and status.finished_at is None:
+        remarks.append(f"about {duration(progress.eta_s)} left")
+    return remarks
+
+
+def _result(result: LatestResult) -> str:
+    with_design = "" if result.method == "own" else f", {result.method}"
+    return f"{result.value:.4g} {result.unit} ({result.task}{with_design})"
+
+
+def duration(seconds: float) -> str:
+    """A time for people."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

@@ -1,0 +1,60 @@
+"""Write everything that a server knows of an application into a folder, as JSON."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from pydantic import BaseModel
+
+from armature.client import Application
+from armature.errors import NotFoundError
+from shared.contracts.results import TaskList
+
+OWN = "own"
+
+
+def save_results(application: Application, out: Path) -> Path:
+    """Write application, tasks, designs, comparison and every motion; what there is not is left out.
+
+    Parameters
+    ----------
+    out
+        Folder in which a new one, named after the application and its id, is made.
+
+    Returns
+    -------
+    Path
+        The new folder: application.json, tasks.json, design.json, designs.json, comparison.json, and
+        trajectories/task-KKK-METHOD.json.
+    """
+    status = application.status()
+    folder = out / f"{_file_name(status.name)}-{status.id}"
+    (folder / "trajectories").mkdir(parents=True, exist_ok=True)
+    tasks = application.tasks()
+    _write(folder / "application.json", status)
+    _write(folder / "tasks.json", TaskList(items=tasks, next_cursor=None))
+    _write_if_there(folder / "design.json", application.design)
+    _write_if_there(folder / "designs.json", application.designs)
+    _write_if_there(folder / "comparison.json", application.comparison)
+    for task in tasks:
+        for method in [OWN] * (task.own is not None) + list(task.methods):
+            trajectory = application.trajectory(task.index, method)
+            _write(folder / "trajectories" / f"task-{task.index:03d}-{method}.json", trajectory)
+    return folder
+
+
+def _write(path: Path, content: BaseModel) -> None:
+    path.write_text(content.model_dump_json(indent=1) + "\n", encoding="utf-8")
+
+
+def _write_if_there(path: Path, fetch: Callable[[], BaseModel]) -> None:
+    with suppress(NotFoundError):
+        _write(path, fetch())
+
+
+def _file_name(name: str) -> str:
+    """A name as a part of a file's name, everywhere."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.")[:60] or "application"
