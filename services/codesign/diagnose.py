@@ -17,7 +17,7 @@ from services.codesign.motor import constraint_limits
 from services.codesign.motor_data import CONSTRAINTS
 from services.codesign.problem import FINAL_TIME_BOUNDS, Objective, Problem
 from services.codesign.program import Program
-from services.codesign.solver import OUT_OF_TIME, STOPPED, Outcome, Progress, SolverOptions, run
+from services.codesign.solver import INTERRUPTED, OUT_OF_TIME, STOPPED, Outcome, Progress, SolverOptions, run
 from services.codesign.torque_load import torque_load
 
 ROUNDING = 1e-9
@@ -91,6 +91,8 @@ def explain_failure(
     """
     if outcome.status == STOPPED:
         return f"stopped on request after {outcome.iterations} iterations"
+    if outcome.status == INTERRUPTED:
+        return f"interrupted from outside after {outcome.iterations} iterations"
     if outcome.status == OUT_OF_TIME:
         return f"not solved within the {options.max_wall_time:g} s allowed for a solve"
     findings = [

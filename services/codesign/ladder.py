@@ -22,7 +22,7 @@ from services.codesign.motion import read_motion
 from services.codesign.problem import Problem
 from services.codesign.program import Program, load_program
 from services.codesign.solution import Attempt, Start
-from services.codesign.solver import OUT_OF_TIME, STOPPED, Outcome, Progress, SolverOptions, run
+from services.codesign.solver import INTERRUPTED, OUT_OF_TIME, STOPPED, Outcome, Progress, SolverOptions, run
 from services.codesign.strongest_motor import strongest_motor
 from services.codesign.torque_load import torque_load
 
@@ -95,7 +95,7 @@ def climb(
         if guess is None:
             continue
         outcome = climber.attempt(rung.name, program, instance, guess)
-        if outcome.success or outcome.status in (STOPPED, OUT_OF_TIME):
+        if outcome.success or outcome.status in (STOPPED, OUT_OF_TIME, INTERRUPTED):
             break
         if torque_load(problem, program, instance).share > HOPELESS:
             break

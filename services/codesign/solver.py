@@ -6,9 +6,11 @@ task. IPOPT's MUMPS is not safe with threads: one solve per process at a time, a
 
 from __future__ import annotations
 
+import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +26,9 @@ SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level", "Feasible_Point_Found
 
 STOPPED = "User_Requested_Stop"
 OUT_OF_TIME = "Maximum_WallTime_Exceeded"
+
+INTERRUPTED = "NonIpopt_Exception_Thrown"
+"""What IPOPT says when a signal handler raised in the middle of an evaluation; CasADi drops the exception itself."""
 
 METIS = 5
 """MUMPS' number for the METIS ordering: 45 percent less time than its own choice (MODEL section 4)."""
@@ -106,7 +111,9 @@ class _Monitor(ca.Callback):
             elif time.monotonic() > self.deadline:
                 self.stopped_as = OUT_OF_TIME
         except BaseException as error:  # CasADi would swallow it; `run` raises it again once IPOPT has returned
-            self.error, self.stopped_as = error, STOPPED
+            self.error = error
+        if self.error is not None:
+            self.stopped_as = STOPPED
         self.iteration += 1
         return [int(self.stopped_as is not None)]
 
@@ -155,7 +162,8 @@ def run(
         solver = _solver(program, options, warm)
         solver.monitor.begin(progress, attempt, deadline)
         began = time.perf_counter()
-        result = solver.function(**_arguments(instance, start))
+        with _interrupts_kept(solver.monitor):
+            result = solver.function(**_arguments(instance, start))
         seconds = time.perf_counter() - began
         stats = solver.function.stats()
     finally:
@@ -171,6 +179,24 @@ def run(
         iterations=int(stats["iter_count"]),
         seconds=seconds,
     )
+
+
+@contextmanager
+def _interrupts_kept(monitor: _Monitor) -> Iterator[None]:
+    """Keep Ctrl-C for the end of the solve, where Python's own handler would raise inside CasADi and be swallowed."""
+    ours = threading.current_thread() is threading.main_thread()
+    if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+
+    def keep(_number: int, _frame: object) -> None:
+        monitor.error = KeyboardInterrupt()
+
+    signal.signal(signal.SIGINT, keep)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _arguments(instance: Instance, start: Guess) -> dict[str, np.ndarray]:
