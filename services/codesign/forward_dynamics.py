@@ -1,4 +1,4 @@
-"""Forward dynamics: the paper's Algorithm 1, corrected  (MODEL section 3).
+"""Forward dynamics: the paper's Algorithm 1, corrected: departure 7 (docs/model.md)  (MODEL section 3).
 
 Link k and rotor k share one joint coordinate. With U = X^T IA_L A_L + Z IA_R A_R the articulated inertia that the
 parent receives loses U D U^T, cross terms between link and rotor included; the printed recursion drops those,

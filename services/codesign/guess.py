@@ -1,8 +1,8 @@
 """Where a solve starts: a motion that obeys the dynamics, or a motion known from a neighbouring solve.
 
-The paper starts at mid-bounds and zero voltage; that, and a straight line, fail on up to 10 of the 25 tasks
-(MODEL section 4). The dynamic guess is a quintic motion with the currents and voltages that inverse dynamics says
-it needs, in the shortest time in which they stay within their limits.
+Departure 9 (docs/model.md): the paper starts at mid-bounds and zero voltage; that, and a straight line, fail on up
+to 10 of the 25 tasks  (MODEL section 4). The dynamic guess is a quintic motion with the currents and voltages that
+inverse dynamics says it needs, in the shortest time in which they stay within their limits.
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ def objective_weights(problem: Problem) -> tuple[float, float]:
 
 
 def _variable_bounds(problem: Problem, program: Program, scales: Scales) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds (2a), (3a), (3b), (5) on x; the final state is pinned, and so is a given design."""
+    """Bounds (2a), (3a), (3b), (5a)-(5c) on x; the final state is pinned, and so is a given design."""
     n, motor = problem.robot.joints, problem.motor
     if problem.design is None:
         design_low = np.tile(motor.lower / scales.design, (n, 1))

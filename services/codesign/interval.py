@@ -179,7 +179,7 @@ def interval_expressions(robot: Robot, layout: IntervalLayout) -> IntervalExpres
 def _voltage_path(
     plant: _Plant, start: Expression, variables: Expression, h: Expression
 ) -> tuple[Expression, Expression]:
-    """The paper's transcription: voltages constant on the interval, all four kinds of states collocated."""
+    """The paper's transcription: voltages constant on the interval (eq. 6), all four kinds of states collocated."""
     layout, motor, p = plant.layout, plant.motor, plant.p
     n, scheme, P = layout.joints, layout.collocation, p["coefficients"][0]
     stops = [start, *(variables[4 * n * j : 4 * n * (j + 1)] for j in range(layout.stops))]
@@ -203,7 +203,7 @@ def _voltage_path(
 def _current_path(
     plant: _Plant, start: Expression, variables: Expression, h: Expression
 ) -> tuple[Expression, Expression]:
-    """Currents linear on the interval; the voltage follows from eq. (1), in which the motor is flat (MODEL 5)."""
+    """Currents linear on the interval; the voltage follows from eq. (1)  (MODEL section 5)."""
     layout, motor, p = plant.layout, plant.motor, plant.p
     n, scheme, P = layout.joints, layout.collocation, p["coefficients"][0]
     stops = [start[: 2 * n], *(variables[2 * n * j : 2 * n * (j + 1)] for j in range(layout.stops))]
@@ -262,7 +262,11 @@ def _kinematic_defect(x: Expression, slope: Expression, h: Expression, p: dict[s
 
 
 def _dynamic_defect(plant: _Plant, q: Expression, qd: Expression, qdd: Expression, i_q: Expression) -> Expression:
-    """Eq. (4): motor torque through the gear meets the arm. Inverse dynamics is the fast path (MODEL section 4)."""
+    """Eq. (4): motor torque through the gear meets the arm.
+
+    Departure 11 (docs/model.md): inverse dynamics is the fast path, the paper's forward dynamics the other
+    (MODEL section 4).
+    """
     layout, arm, p = plant.layout, plant.arm, plant.p
     tau = p["gear_ratio"] * motor_torque(i_q, plant.motor, p["coefficients"][0])
     if layout.dynamics == "forward":

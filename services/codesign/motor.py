@@ -37,7 +37,7 @@ class MotorParameters(NamedTuple):
 
 
 def motor_parameters(design: Expression, coefficients: Expression) -> MotorParameters:
-    """Map geometry to parameters  (appendix A: dimensions, weight, resistance, flux, permeance, inductance).
+    """Map geometry to parameters  (appendix).
 
     Parameters
     ----------
@@ -53,11 +53,11 @@ def motor_parameters(design: Expression, coefficients: Expression) -> MotorParam
     mu_r, f_f = c["recoil_permeability"], c["filling_factor"]
     rho_iron, rho_cu, rho_e = c["iron_density"], c["copper_density"], c["copper_resistivity"]
 
-    # Dimensional specifications
+    # Appendix, Dimensional specifications
     h_ss = R_so - h_sy - R_ro - delta - h_tip
     A_slot = math.pi * ((R_so - h_sy) ** 2 - (R_ro + delta + h_tip) ** 2) / Q - w_tooth * h_ss
 
-    # Stator and rotor weight
+    # Appendix, Stator and rotor weight
     A_cu = A_slot * f_f
     A_coil = A_cu / (2 * n_s)
     tau_s = 2 * math.pi * (R_ro + delta) / Q  # arc per slot; not a torque
@@ -66,11 +66,11 @@ def motor_parameters(design: Expression, coefficients: Expression) -> MotorParam
     m_rotor = rho_iron * math.pi * R_ro**2 * L
     m_stator = rho_iron * math.pi * R_so**2 * L - m_rotor - rho_iron * A_cu * L * Q + rho_cu * A_coil * L_coil * n_s * Q
 
-    # Resistance. Departure 2 (docs/model.md): a slot holds two coil sides, so R_1 is twice the printed value.
+    # Appendix, Resistance. Departure 2 (docs/model.md): a slot holds two coil sides, so R_1 is twice as printed.
     R_1 = n_s * rho_e * L_coil / A_coil
     R = q_1 / C**2 * R_1
 
-    # Flux, with Carter's coefficient k_C
+    # Appendix, Flux, with Carter's coefficient k_C
     gamma = (b_0 / delta) ** 2 / (5 + b_0 / delta)
     t_pitch = 2 * math.pi * R_ro / Q
     k_C = t_pitch / (t_pitch - gamma * delta)
@@ -80,7 +80,7 @@ def motor_parameters(design: Expression, coefficients: Expression) -> MotorParam
     tooth_flux = c["winding_factor"] * Phi_1
     Phi_m = q_1 / C * n_s * tooth_flux
 
-    # Permeance and inductance
+    # Appendix, Permeance; appendix, Inductance
     p_g = t_pitch * MU_0 * L / (delta + h_m / mu_r)
     p_so = MU_0 * h_tip * L / b_0
     p_tt = MU_0 * L * 2 / math.pi  # the printed (delta + h_m) cancels
@@ -114,8 +114,8 @@ def design_constraints(design: Expression, coefficients: Expression) -> Expressi
     k_p = coefficients[COEFFICIENTS.index("pitch_factor")]
     bore = 2 * (R_ro + delta)
     tooth_width = ca.asin(w_tooth / bore) + ca.asin(b_0 / bore)  # (2b)
-    wire_diameter_squared = 4 * motor.coil_area / math.pi  # (2e), departure 5: bare copper
-    # (3c), departure 3: flux per turn and tooth, not the flux linkage
+    wire_diameter_squared = 4 * motor.coil_area / math.pi  # (2e). Departure 5 (docs/model.md): bare copper
+    # (3c). Departure 3 (docs/model.md): flux per turn and tooth, not the flux linkage
     tooth_flux_density = k_p * motor.tooth_flux / (w_tooth * L)
     yoke_flux_density = k_p * motor.tooth_flux / (math.sqrt(3) * h_sy * L)
     return ca.vertcat(
@@ -177,5 +177,8 @@ def steady_voltages(
 
 
 def motor_torque(i_q: Expression, motor: MotorParameters, pole_pairs: Expression) -> Expression:
-    """Airgap torque [N m] = 3/2 P Phi_m i_q. Departure 4: the reluctance part vanishes since L_d = L_q."""
+    """Airgap torque [N m] = 3/2 P Phi_m i_q, which is what enters eq. (4) through the gear.
+
+    Departure 4 (docs/model.md): with L_d = L_q no current in the d-axis makes torque.
+    """
     return 1.5 * pole_pairs * motor.flux_linkage * i_q

@@ -65,7 +65,7 @@ class MotorData:
     pole_pairs: int = 4
     slots: int = 12
     phases: int = 3
-    turns_per_tooth: float = 50.0
+    turns_per_tooth: float = 50.0  # Departure 1 (docs/model.md): Table I has 30
     parallel_coils: int = 1
     tooth_tip_height: float = 2e-3
     air_gap: float = 0.5e-3
@@ -76,7 +76,7 @@ class MotorData:
     flux_density_limit: float = 1.5
     wire_diameter_min: float = 0.6e-3
     mass_limit: float = 3.0
-    slot_height_min: float = 0.1e-3
+    slot_height_min: float = 0.1e-3  # Departure 6 (docs/model.md): (2c) as a closed set
     iron_density: float = 7650.0
     copper_density: float = 8960.0
     copper_resistivity: float = 1.8e-8
@@ -156,7 +156,8 @@ class MotorData:
         """Angle [rad] over which the first harmonic's peak B_g1 links one turn.
 
         The paper's motor (12 slots, 4 pole pairs) uses its printed 2 pi / Q, which Table I confirms. For every
-        other pair the printed form overstates the flux by pi P / Q, so the exact 2 / P is used.
+        other pair the printed form overstates the flux by pi P / Q, so the exact 2 / P is used: departure 10
+        (docs/model.md).
         """
         if (self.slots, self.pole_pairs) == PAPER_SLOTS_AND_POLE_PAIRS:
             return 2 * math.pi / self.slots

@@ -96,6 +96,6 @@ class Problem:
         """Bounds of t_f [s]; both are the task's duration for the energy objective."""
         if self.objective.kind != "energy":
             return self.objective.final_time_bounds
-        if self.task.duration is None:
+        if self.task.duration is None:  # Departure 8 (docs/model.md)
             raise ValueError("the energy objective needs task.duration: with t_f free, slower is always better")
         return self.task.duration, self.task.duration

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -199,17 +200,22 @@ print(repr(kernels.value(*interval_inputs(layout))[0].full().sum()))
 """
 
 
-def test_processes_that_compile_at_once_share_one_library(tmp_path):
+def test_processes_that_compile_at_once_share_one_library(tmp_path, monkeypatch):
+    compiler, record, cache = tmp_path / "cc", tmp_path / "calls", tmp_path / "cache"
+    compiler.write_text(f'#!/bin/sh\necho "$@" >> {record}\nexec {shutil.which("cc")} "$@"\n')
+    compiler.chmod(0o755)
+    monkeypatch.setenv("CC", str(compiler))
     root = Path(__file__).parents[2]
-    command = [sys.executable, "-c", BUILD, str(tmp_path)]
+    command = [sys.executable, "-c", BUILD, str(cache)]
     running = [
         subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(3)
     ]
     ended = [(process.communicate(timeout=120), process.returncode) for process in running]
     assert [code for _, code in ended] == [0, 0, 0], ended
     assert len({out for (out, _), _ in ended}) == 1
-    assert len(list(tmp_path.glob("*.so"))) == 1
-    assert not any(path.is_dir() for path in tmp_path.iterdir())  # nothing half built is left
+    assert len(list(cache.glob("*.so"))) == 1
+    assert not any(path.is_dir() for path in cache.iterdir())  # nothing half built is left
+    assert sum("-shared" in call for call in record.read_text().splitlines()) == 1  # one built, two waited
 
 
 def test_a_library_in_the_cache_is_used_without_a_compiler(cache, monkeypatch):
