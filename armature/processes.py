@@ -17,11 +17,9 @@ from types import FrameType
 from typing import IO
 
 import httpx
-from sqlalchemy.exc import SQLAlchemyError
 
 from armature.errors import ArmatureError
 from armature.supervisor import ProcessSpec
-from shared.db.migrate import upgrade
 from shared.settings import Settings
 
 LOOPBACK = "127.0.0.1"
@@ -130,6 +128,11 @@ def running_service(settings: Settings, place: Place) -> Iterator[Service]:
 
 
 def _migrate(settings: Settings) -> None:
+    # Imported here: half a second that commands which only ask a server should not wait for.
+    from sqlalchemy.exc import SQLAlchemyError
+
+    from shared.db.migrate import upgrade
+
     try:
         upgrade(settings.database_url)
     except SQLAlchemyError as error:

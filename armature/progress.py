@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from shared.contracts.results import ApplicationStatus, LatestResult, StageProgress
+from shared.domain import ApplicationState
 
 STAGES = {
     "codesign": "co-design, task by task",
@@ -81,7 +82,10 @@ def done(stage: StageProgress) -> int:
 
 
 def _plain_line(status: ApplicationStatus, stage: StageProgress | None, note: str | None) -> str:
-    parts = [status.state] if stage is None else [f"{STAGES[stage.name]}: {_counts(stage)}"]
+    if stage is None or status.state != ApplicationState.RUNNING:
+        parts = [status.state]
+    else:
+        parts = [f"{STAGES[stage.name]}: {_counts(stage)}"]
     return "; ".join([*parts, *_remarks(status, note)])
 
 

@@ -10,7 +10,6 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from sqlalchemy import make_url
 
 from armature.application_file import read_application
 from armature.cli.consoles import messages, output, print_json
@@ -22,7 +21,6 @@ from armature.errors import ArmatureError, ServerUnreachableError
 from armature.processes import LOOPBACK, Place, Service, interrupt_on_signals, running_service
 from armature.progress import shown_progress
 from armature.save import save_results
-from services.codesign.kernels import being_built
 from shared.contracts.results import ApplicationStatus
 from shared.domain import ApplicationState
 from shared.settings import Settings
@@ -123,6 +121,8 @@ def _submit_and_wait(
 
 
 def _follow(console: Console, application: Application, service: Service, settings: Settings) -> ApplicationStatus:
+    from services.codesign.kernels import being_built  # slow to import: it brings CasADi
+
     def note() -> str | None:
         return "compiling the arm's equations, once" if being_built(settings.kernel_cache) else None
 
@@ -146,4 +146,6 @@ def _cancel(application: Application) -> None:
 
 
 def _without_password(database_url: str) -> str:
+    from sqlalchemy import make_url
+
     return make_url(database_url).render_as_string(hide_password=True)
