@@ -9,12 +9,31 @@ from pathlib import Path
 import pytest
 from sqlalchemy import Engine
 
+from services.codesign.kernels import default_cache
 from shared.db.engine import make_engine
 from shared.db.migrate import upgrade
 from shared.settings import Settings
-from tests.servers import Server, postgres_database, postgres_server
+from tests.servers import Server, postgres_database, postgres_server, redis_server
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    """An empty ARMATURE_HOME, but for the compiled kernels of this machine."""
+    cache = default_cache()
+    cache.mkdir(parents=True, exist_ok=True)
+    folder = tmp_path / "home"
+    folder.mkdir()
+    (folder / "kernels").symlink_to(cache)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def redis() -> Iterator[Server]:
+    """One Redis server for all tests."""
+    with redis_server() as server:
+        yield server
 
 
 @pytest.fixture(scope="session")
