@@ -6,6 +6,7 @@ events, retries, revocations) is switched off. What is left is a queue of ids wi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,12 @@ FAIL_AT_ONCE = {"max_retries": 0, "interval_start": 0, "interval_step": 0, "inte
 
 
 def celery_app(
-    broker_url: str, *, name: str = "armature", queue: str = QUEUE, visibility_timeout_s: float = VISIBILITY_TIMEOUT_S
+    broker_url: str,
+    *,
+    name: str = "armature",
+    queue: str = QUEUE,
+    task_modules: Sequence[str] = (),
+    visibility_timeout_s: float = VISIBILITY_TIMEOUT_S,
 ) -> Celery:
     """Make the Celery application for a broker.
 
@@ -39,13 +45,17 @@ def celery_app(
         Name of the application, in logs.
     queue
         The one queue that is sent to and consumed from.
+    task_modules
+        For a worker: modules that define its tasks with `celery.shared_task`. Where the pool's processes are not forked
+        (macOS) they get a copy of the configuration only, and find the tasks by importing these; a task that was added
+        to the application itself is unknown to them.
     visibility_timeout_s
         Age of an unacknowledged message [s] at which it is delivered again.
 
     Returns
     -------
     Celery
-        An application without tasks. Nothing is connected, and no global state is set.
+        An application; nothing is connected, and it does not become anybody's default.
 
     Raises
     ------
@@ -63,6 +73,7 @@ def celery_app(
         broker_transport_options=_transport_options(visibility_timeout_s, embedded=embedded),
         broker_connection_retry_on_startup=True,
         broker_connection_max_retries=None,  # a worker outlives any outage of its broker
+        include=list(task_modules),
         task_default_queue=queue,
         task_create_missing_queues=False,
         # Acknowledged when the job is done. A worker that dies leaves its message to the time-out; it is not put back
@@ -104,7 +115,7 @@ def send(app: Celery, task_name: str, job_id: str | int) -> None:
     Raises
     ------
     kombu.exceptions.OperationalError
-        The broker did not take the message. Whoever keeps the outbox sends it again.
+        The broker did not confirm the message, and may or may not have it. Whoever keeps the outbox sends it again.
     """
     app.send_task(task_name, args=[job_id], ignore_result=True, retry=False)
 

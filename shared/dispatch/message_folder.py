@@ -48,6 +48,7 @@ class MessageFolder:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self._ready, self._claimed = folder / READY, folder / CLAIMED
         self._listed: deque[str] = deque()
         self.create()
 
@@ -77,7 +78,7 @@ class MessageFolder:
         except FileNotFoundError:
             self.create()  # somebody emptied the folder under us; it holds nothing that is not in the database
             draft.write_bytes(content)
-        draft.rename(self.folder / READY / name)
+        draft.rename(self._ready / name)
 
     def claim(self) -> Path | None:
         """Take the oldest ready message away from every other consumer.
@@ -90,7 +91,7 @@ class MessageFolder:
         for name in self._ready_names():
             claimed = self.claimed(f"{name}.{time.time_ns()}")
             try:
-                (self.folder / READY / name).rename(claimed)
+                (self._ready / name).rename(claimed)
             except FileNotFoundError:
                 continue  # another consumer was faster
             return claimed
@@ -98,7 +99,7 @@ class MessageFolder:
 
     def claimed(self, name: str) -> Path:
         """Path of the claim with this name, as `claim` returned it."""
-        return self.folder / CLAIMED / name
+        return self._claimed / name
 
     def acknowledge(self, claimed: Path) -> None:
         """Forget a claimed message for good. Doing so twice, or after the claim expired, does nothing."""
@@ -107,7 +108,7 @@ class MessageFolder:
     def put_back(self, claimed: Path) -> None:
         """Make a claimed message ready again, at its old place in the order."""
         try:
-            claimed.rename(self.folder / READY / _ready_name(claimed))
+            claimed.rename(self._ready / _ready_name(claimed))
         except FileNotFoundError:
             return  # the claim had expired, and somebody else put it back
 
@@ -133,7 +134,7 @@ class MessageFolder:
             How many messages came back.
         """
         oldest_claim = time.time_ns() - int(visibility_timeout_s * 1e9)
-        expired = [path for path in (self.folder / CLAIMED).iterdir() if _claimed_at(path) < oldest_claim]
+        expired = [path for path in (self._claimed).iterdir() if _claimed_at(path) < oldest_claim]
         for path in expired:
             self.put_back(path)
         for path in (self.folder / WRITING).iterdir():  # left by producers that were killed while writing
@@ -143,20 +144,20 @@ class MessageFolder:
 
     def size(self) -> int:
         """Count the ready messages."""
-        return sum(1 for name in os.listdir(self.folder / READY) if name.endswith(SUFFIX))
+        return sum(1 for name in os.listdir(self._ready) if name.endswith(SUFFIX))
 
     def purge(self) -> int:
         """Delete the ready messages, and say how many there were."""
-        names = [name for name in os.listdir(self.folder / READY) if name.endswith(SUFFIX)]
+        names = [name for name in os.listdir(self._ready) if name.endswith(SUFFIX)]
         for name in names:
-            (self.folder / READY / name).unlink(missing_ok=True)
+            (self._ready / name).unlink(missing_ok=True)
         return len(names)
 
     def _ready_names(self) -> Iterator[str]:
         """Names of ready messages, oldest first; one fresh listing at most. A name may be gone by now."""
         yield from self._drain_listing()
         try:
-            names = os.listdir(self.folder / READY)
+            names = os.listdir(self._ready)
         except FileNotFoundError:
             self.create()
             return
