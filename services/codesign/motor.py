@@ -1,4 +1,4 @@
-"""The motor: magnetic equivalent circuit of the paper's appendix, as CasADi expressions.
+"""The motor: magnetic equivalent circuit of the paper's appendix, as CasADi expressions  (MODEL section 2).
 
 A design vector is ``[L, R_ro, R_so, h_m, h_sy, w_tooth, b_0]`` in m; the constants are the vector of
 `MotorData.coefficients`. Everything here accepts CasADi SX, MX or DM.

@@ -1,6 +1,6 @@
 """What a motor is made of and what limits it: constants, bounds and limits as data.
 
-SI inside. Every field has the default of the paper (Section II-A, eqs. 2 and 3); see docs/model.md for
+SI inside. Every field has the default of the paper (Section II-A, limits (2a)-(3c)); see docs/model.md for
 the places where the printed text and Table I disagree.
 """
 

@@ -1,4 +1,4 @@
-"""From n designs to one: the mean and its projection on the feasible set  (Section III-A, Problem 2)."""
+"""From n designs to one: the mean and its projection on the feasible set  (Problem 2; MODEL section 6)."""
 
 from __future__ import annotations
 
