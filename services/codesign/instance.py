@@ -21,6 +21,10 @@ EFFORT_SCALE = 1e-2
 """Weight per V2 s that brings the energy objective to order one (MODEL section 4)."""
 
 
+WEIGHTED_SCALE = 10.0
+"""Factor of the weighted objective: near alpha = 1 it is far below one, and would stop 0.2 percent high."""
+
+
 @dataclass(frozen=True)
 class Scales:
     """Physical value of 1 in each scaled variable."""
@@ -89,21 +93,27 @@ def build_instance(problem: Problem, program: Program, widths: np.ndarray | None
 
 
 def objective_weights(problem: Problem) -> tuple[float, float]:
-    """Weights of t_f [1/s] and of the integral of u'u [1/(V2 s)].
+    """Weights of t_f [1/s] and of the integral of u'u [1/(V2 s)] in the program, `objective_scale` included.
 
     Raises
     ------
     ValueError
         For a weighted objective without its references (`solve.with_references`).
     """
-    objective = problem.objective
+    objective, scale = problem.objective, objective_scale(problem)
     if objective.kind == "time":
-        return 1.0, 0.0
+        return scale, 0.0
     if objective.kind == "energy":
-        return 0.0, EFFORT_SCALE
+        return 0.0, scale
     if objective.time_reference is None or objective.effort_reference is None:
         raise ValueError("the weighted objective needs time_reference and effort_reference")
-    return (1 - objective.alpha) / objective.time_reference, objective.alpha / objective.effort_reference
+    weights = (1 - objective.alpha) / objective.time_reference, objective.alpha / objective.effort_reference
+    return scale * weights[0], scale * weights[1]
+
+
+def objective_scale(problem: Problem) -> float:
+    """The program's objective over the problem's."""
+    return {"time": 1.0, "energy": EFFORT_SCALE, "weighted": WEIGHTED_SCALE}[problem.objective.kind]
 
 
 def _variable_bounds(problem: Problem, program: Program, scales: Scales) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from services.codesign.diagnose import explain_failure, impossible
 from services.codesign.guess import Guess
-from services.codesign.instance import Instance, build_instance, objective_weights, scales_of
+from services.codesign.instance import Instance, build_instance, objective_scale, objective_weights, scales_of
 from services.codesign.ladder import Climb, climb
 from services.codesign.measures import measure
 from services.codesign.motion import read_motion
@@ -158,8 +158,8 @@ def _solution(problem: Problem, program: Program, instance: Instance, result: Cl
     motion = read_motion(problem, program, outcome.x)
     measures = measure(problem, design, motion)
     time_weight, effort_weight = objective_weights(problem)
-    unscale = effort_weight if problem.objective.kind == "energy" else 1.0
-    objective = (time_weight * measures.final_time + effort_weight * measures.effort) / unscale
+    scaled_objective = time_weight * measures.final_time + effort_weight * measures.effort
+    objective = scaled_objective / objective_scale(problem)
     return replace(solution, design=design, motion=motion, measures=measures, objective=objective)
 
 

@@ -1,0 +1,45 @@
+"""The paper's 25 tasks from a cold start: every one solves, and no worse than the reference."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from services.codesign.solve import solve
+from tests.numerics.tasks import paper_grid, solved
+
+REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "optima.json").read_text())
+
+WORSE_BY = 2e-3
+"""Share by which an optimum may be worse than the reference: neighbouring local optima differ by as much."""
+
+BETTER_BY = 2e-2
+"""Share by which it may be better: more would mean a limit that is not kept."""
+
+
+def _cases(table: str) -> list[tuple[float, float, float]]:
+    return [(*map(float, key.split(",")), value) for key, value in REFERENCE[table].items()]
+
+
+@pytest.mark.parametrize(("stroke", "payload", "expected"), _cases("time_s"))
+def test_minimum_time(stroke, payload, expected):
+    solution = solved(stroke, payload, "time")
+    assert expected * (1 - BETTER_BY) < solution.objective < expected * (1 + WORSE_BY)
+
+
+@pytest.mark.parametrize(("stroke", "payload", "expected"), _cases("energy_V2s_at_1s"))
+def test_minimum_energy_in_one_second(stroke, payload, expected):
+    solution = solved(stroke, payload, "energy")
+    assert expected * (1 - BETTER_BY) < solution.objective < expected * (1 + WORSE_BY)
+    assert solution.measures.final_time == pytest.approx(1.0, rel=1e-12)
+
+
+def test_every_task_solves_for_energy_at_the_first_attempt():
+    """`time` is shown by test_pipeline, which needs all 25 motions anyhow."""
+    solutions = [solve(problem) for problem in paper_grid("energy")]
+    assert {solution.status for solution in solutions} == {"Solve_Succeeded"}
+    assert {len(solution.attempts) for solution in solutions} == {1}
+    by_payload = [solutions[k].objective for k in range(5)]
+    assert by_payload == sorted(by_payload)
