@@ -18,15 +18,19 @@ from tests.servers import Server, postgres_database, postgres_server, redis_serv
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
-@pytest.fixture
-def home(tmp_path: Path) -> Path:
+def home_with_kernels(folder: Path) -> Path:
     """An empty ARMATURE_HOME, but for the compiled kernels of this machine."""
     cache = default_cache()
     cache.mkdir(parents=True, exist_ok=True)
-    folder = tmp_path / "home"
     folder.mkdir()
     (folder / "kernels").symlink_to(cache)
     return folder
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    """An ARMATURE_HOME that needs no compiling."""
+    return home_with_kernels(tmp_path / "home")
 
 
 @pytest.fixture(scope="session")

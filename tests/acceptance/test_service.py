@@ -6,7 +6,6 @@ import os
 import signal
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -19,6 +18,7 @@ from shared.db.engine import make_engine, reading
 from shared.db.tables import Job, JobTransition
 from shared.domain import JobState
 from shared.settings import Settings
+from tests.conftest import home_with_kernels
 from tests.servers import descendants, postgres_database
 from tests.service.requests import HOME
 
@@ -35,9 +35,10 @@ def move(stroke: float, **changes: Any) -> dict[str, Any]:
     return {"name": f"{stroke} rad", "start_rad": [stroke] * 6, "end_rad": HOME, **changes}
 
 
-@pytest.fixture(params=["embedded", "postgres and redis"])
-def settings(request: pytest.FixtureRequest, home: Path) -> Iterator[Settings]:
+@pytest.fixture(scope="module", params=["embedded", "postgres and redis"])
+def settings(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Settings]:
     """Settings of each pair in turn, with short leases."""
+    home = home_with_kernels(tmp_path_factory.mktemp("service") / "home")
     if request.param == "embedded":
         yield Settings(home=home, **SHORT_LEASE)
         return
@@ -46,13 +47,14 @@ def settings(request: pytest.FixtureRequest, home: Path) -> Iterator[Settings]:
         yield Settings(home=home, database_url=url, broker_url=redis.url, **SHORT_LEASE)
 
 
-@pytest.fixture
-def service(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> Iterator[Service]:
+@pytest.fixture(scope="module")
+def service(settings: Settings) -> Iterator[Service]:
     """The service, running."""
-    for name, value in SHORT_LEASE.items():
-        monkeypatch.setenv(f"ARMATURE_{name.upper()}", str(value))
-    with running_service(settings, Place(workers=2)) as service:
-        yield service
+    with pytest.MonkeyPatch.context() as environment:
+        for name, value in SHORT_LEASE.items():
+            environment.setenv(f"ARMATURE_{name.upper()}", str(value))
+        with running_service(settings, Place(workers=2)) as service:
+            yield service
 
 
 @pytest.fixture
@@ -158,21 +160,22 @@ def test_a_killed_solver_process_loses_nothing(http: httpx.Client, service: Serv
     """SIGKILL in mid-solve: the job's lease runs out, and it is done again, once."""
     tasks = [move(0.1 * k, name=f"{k}", payload_kg=1.0) for k in (1, 2)]
     path = submit(http, name="victim", transcription=LONG, tasks=tasks)
+    application_id = path.rsplit("/", 1)[1]
     wait_for_running(http, path)
     engine = make_engine(settings.database_url)
     try:
         with reading(engine) as session:
-            worker = session.scalars(select(Job.worker).where(Job.state == JobState.RUNNING)).first()
+            running = select(Job.worker).where(Job.application_id == application_id, Job.state == JobState.RUNNING)
+            worker = session.scalars(running).first()
         assert worker is not None
         child = int(worker.rsplit(":", 1)[1])
         assert child in descendants(service.pids["worker"])
         os.kill(child, signal.SIGKILL)
         assert wait(http, path)["state"] == "succeeded"
         with reading(engine) as session:
-            ends = list(
-                session.scalars(select(JobTransition.job_id).where(JobTransition.to_state == JobState.SUCCEEDED))
-            )
-            attempts = list(session.scalars(select(Job.attempts)))
+            done = (JobTransition.application_id == application_id, JobTransition.to_state == JobState.SUCCEEDED)
+            ends = list(session.scalars(select(JobTransition.job_id).where(*done)))
+            attempts = list(session.scalars(select(Job.attempts).where(Job.application_id == application_id)))
         assert len(ends) == len(set(ends)) == 5
         assert sorted(attempts)[-1] == 2
     finally:
