@@ -299,6 +299,23 @@ def test_a_worker_outlives_its_redis_and_finishes_what_it_was_doing(tmp_path: Pa
         assert worker.wait(20) == 0
 
 
+def test_a_worker_outlives_trouble_with_its_folder(tmp_path: Path) -> None:
+    with embedded_broker(tmp_path) as broker, running_worker(broker, tmp_path) as worker:
+        app = broker.app()
+        send(app, NOTE, "before")
+        _wait_for(lambda: "before" in dict(_lines(tmp_path)))
+        ready = broker.folder / "new"
+        ready.rename(broker.folder / "away")
+        ready.write_text("a file where a folder should be")  # unlike a missing folder, nobody can mend this
+        time.sleep(1)
+        ready.unlink()
+        (broker.folder / "away").rename(ready)
+        send(app, NOTE, "afterwards")
+        _wait_for(lambda: "afterwards" in dict(_lines(tmp_path)))
+        worker.send_signal(signal.SIGTERM)
+        assert worker.wait(20) == 0
+
+
 def _record(folder: Path) -> Path:
     return folder / "record"
 
