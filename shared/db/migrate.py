@@ -11,6 +11,8 @@ from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import Engine, make_url
 
+from shared.settings import Settings
+
 MIGRATIONS = Path(__file__).resolve().parents[2] / "migrations"
 
 
@@ -66,3 +68,12 @@ class _one_at_a_time:  # noqa: N801 - used as a context manager
     def __exit__(self, *_: object) -> None:
         if self._file is not None:
             os.close(self._file)
+
+
+def main() -> None:
+    """Process entry: bring the database of the settings to the newest revision."""
+    upgrade(Settings().database_url)
+
+
+if __name__ == "__main__":
+    main()
