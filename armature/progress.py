@@ -113,7 +113,7 @@ def _remarks(status: ApplicationStatus, note: str | None) -> list[str]:
         remarks.append(f"best {_result(progress.best)}")
     if progress.last is not None:
         remarks.append(f"last {_result(progress.last)}")
-    if progress.eta_s is not None and status.finished_at is None:
+    if progress.eta_s is not None and status.finished_at is None and note is None:
         remarks.append(f"about {duration(progress.eta_s)} left")
     return remarks
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from rich import box
 from rich.table import Table
 from rich.text import Text
 
+from armature.cli.layout import new_table
 from shared.contracts.application import GridRequest
 from shared.contracts.results import ComparisonAnswer
 
@@ -15,8 +15,8 @@ STRONG_PERCENT = 5.0
 """From here on a cell has its full colour."""
 
 
-def heat_maps(comparison: ComparisonAnswer) -> Iterator[Table]:
-    """How much the application's method improves on each other one, in percent, task by task."""
+def heat_maps(comparison: ComparisonAnswer) -> Iterator[tuple[str, Table]]:
+    """How much the application's method improves on each other one, in percent, task by task; each with its title."""
     grid = comparison.grid
     methods = [name for name in comparison.methods if name != "own"]
     if grid is None or len(methods) < 2:
@@ -25,7 +25,7 @@ def heat_maps(comparison: ComparisonAnswer) -> Iterator[Table]:
     for other in others:
         what = {"time": "time", "energy": "energy"}.get(comparison.objective, "objective")
         title = f"{chosen} against {other}: {what} saved, percent (negative: lost)"
-        yield _heat_map(title, grid, _improvement(comparison, chosen, other))
+        yield title, _heat_map(grid, _improvement(comparison, chosen, other))
 
 
 def _improvement(comparison: ComparisonAnswer, chosen: str, other: str) -> dict[int, float]:
@@ -35,11 +35,8 @@ def _improvement(comparison: ComparisonAnswer, chosen: str, other: str) -> dict[
     return dict(zip(comparison.tasks_compared, saved, strict=True))
 
 
-def _heat_map(title: str, grid: GridRequest, percent: Mapping[int, float]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left", title_style="bold", pad_edge=False)
-    table.add_column("stroke, rad")
-    for payload in grid.payload_kg:
-        table.add_column(f"{payload:g} kg", justify="right")
+def _heat_map(grid: GridRequest, percent: Mapping[int, float]) -> Table:
+    table = new_table("stroke\nrad", *(f"{payload:g}\nkg" for payload in grid.payload_kg))
     for i, stroke in enumerate(grid.stroke):
         tasks = range(i * len(grid.payload_kg), (i + 1) * len(grid.payload_kg))
         table.add_row(f"{stroke:g}", *(_cell(percent.get(task)) for task in tasks))

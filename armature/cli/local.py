@@ -60,7 +60,7 @@ def run(
             print_json(status)
         else:
             show_results(output(), application, status, reference)
-    console.print(f"\nresults: {folder}/ (application, tasks, design, designs, comparison, trajectories)")
+    console.print(f"\nevery result as JSON: {folder}", soft_wrap=True)
     raise typer.Exit(exit_code_of(status.state))
 
 
@@ -79,7 +79,7 @@ def up(
     place = Place(host, port, workers or settings.workers, UP_GRACE_S)
     console = messages()
     with _started(console, settings, place) as service:
-        output().print(f"Armature listens on {service.url} with {place.workers} solver processes")
+        output().print(f"Armature listens on {service.url} with {place.workers} solver processes", soft_wrap=True)
         console.print(f"database: {_without_password(settings.database_url)}\nlogs:     {service.logs}")
         console.print(f"submit:   armature submit FILE --url {service.url}\nCtrl-C stops it")
         try:

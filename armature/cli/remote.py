@@ -77,7 +77,7 @@ def tasks(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -> 
             return
         about = application.status()
     tables.print_tasks(output(), found, about.methods, about.objective.kind)
-    tables.print_failures(output(), found)
+    tables.print_failures(output(), found, about.methods)
 
 
 def design(

@@ -24,9 +24,14 @@ def show_results(
     with suppress(NotFoundError):
         tables.print_design(console, application.design())
         console.print()
-    tables.print_failures(console, tasks)
-    with suppress(NotFoundError):
-        tables.print_comparison(console, application.comparison(), reference)
+    tables.print_failures(console, tasks, status.methods)
+    try:
+        comparison = application.comparison()
+    except NotFoundError:
+        return
+    if reference is not None and reference.unit != comparison.unit:
+        reference = None
+    tables.print_comparison(console, comparison, reference)
     if reference is not None:
         console.print()
         tables.print_reference_tasks(console, reference, tasks)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from rich import box
 from rich.console import Console
 from rich.table import Table
 
 from armature.cli.heat_map import heat_maps
+from armature.cli.layout import new_table, print_table
 from armature.cli.reference import Reference
 from armature.progress import current_stage, done, duration
 from shared.contracts.results import (
@@ -38,7 +38,9 @@ def print_status(console: Console, status: ApplicationStatus) -> None:
     console.print(f"{status.name}  {status.id}  {status.state}", style="bold")
     if status.reason:
         console.print(f"  {status.reason}")
-    console.print(f"  {status.tasks} tasks, {status.objective.kind}, {', '.join(status.methods)}, robot {status.robot}")
+    console.print(
+        f"  {status.tasks} task{'' if status.tasks == 1 else 's'}, {status.objective.kind}, {', '.join(status.methods)}, robot {status.robot}"
+    )
     for stage in status.progress.stages:
         failed = f", {stage.failed + stage.dead} failed" if stage.failed + stage.dead else ""
         running = f", {stage.running} running" if stage.running else ""
@@ -52,7 +54,7 @@ def print_status(console: Console, status: ApplicationStatus) -> None:
 
 def print_list(console: Console, items: Iterable[ApplicationItem]) -> None:
     """Applications, one a line."""
-    table = _table("id", "name", "state", "created", "tags", left=5)
+    table = new_table("id", "name", "state", "created", "tags", left=5)
     for item in items:
         table.add_row(item.id, item.name, item.state, item.created_at[:19].replace("T", " "), " ".join(item.tags))
     console.print(table if table.row_count else "no applications")
@@ -61,8 +63,8 @@ def print_list(console: Console, items: Iterable[ApplicationItem]) -> None:
 def print_design(console: Console, design: DesignAnswer) -> None:
     """Dimensions and main parameters of every motor, then what binds."""
     dimensions = list(design.motors[0]["dimensions_mm"])
-    title = f"Design ({design.method}), dimensions in mm"
-    table = _table("joint", *dimensions, "flux, Wb", "resist., ohm", "mass, kg", title=title)
+    columns = [f"{name}\nmm" for name in dimensions]
+    table = new_table("joint", *columns, "flux\nWb", "resist.\nohm", "mass\nkg")
     for motor in design.motors:
         values = motor["dimensions_mm"]
         parameters = motor["parameters"]
@@ -74,8 +76,8 @@ def print_design(console: Console, design: DesignAnswer) -> None:
             f"{parameters['phase_resistance_ohm']:.3f}",
             f"{mass:.3f}",
         )
-    console.print(table)
-    console.print("What binds:")
+    print_table(console, f"Design ({design.method})", table)
+    console.print("\nWhat binds:")
     alike: dict[str, list[str]] = {}
     for motor in design.motors:
         names = ", ".join(_binding(motor, name) for name in motor["binding"]) or "nothing"
@@ -96,19 +98,20 @@ def print_designs(console: Console, designs: DesignsAnswer) -> None:
     """How far the tasks' own designs lie apart, then each method's design."""
     count = len(designs.tasks)
     if count:
-        table = _table("joint", *designs.dimensions, title=f"Own designs of {count} tasks, lowest to highest, mm")
+        table = new_table("joint", *designs.dimensions)
         for joint, of_motor in enumerate(zip(*(task.design_mm for task in designs.tasks), strict=True)):
             ranges = [_range(values) for values in zip(*of_motor, strict=True)]
             table.add_row(str(joint + 1), *ranges)
-        console.print(table)
+        print_table(console, f"Own designs of {count} tasks, lowest to highest, mm", table)
     shared = {"mean of the own designs": designs.mean, **designs.methods}
     for name, design in shared.items():
         if design is None:
             continue
-        table = _table("joint", *designs.dimensions, title=f"{name}, mm")
+        table = new_table("joint", *designs.dimensions)
         for joint, values in enumerate(design.design_mm):
             table.add_row(str(joint + 1), *(f"{value:.2f}" for value in values))
-        console.print(table)
+        console.print()
+        print_table(console, f"{name}, mm", table)
 
 
 def _range(values: Sequence[float]) -> str:
@@ -118,31 +121,31 @@ def _range(values: Sequence[float]) -> str:
 
 def print_tasks(console: Console, tasks: Sequence[TaskResult], methods: Sequence[str], objective: str) -> None:
     """One line a task: its own optimum and its motion with each design, in the objective's unit."""
-    title = f"Tasks: {QUANTITIES[objective]}"
-    table = _table("", "task", "state", "payload, kg", OWN, *methods, "iterations", "solve, s", title=title, left=3)
+    table = new_table("", "task", "state", OWN, *methods, "iterations", "solve\ns", left=3)
     for task in tasks:
         motions = [task.own, *(task.methods.get(method) for method in methods)]
         table.add_row(
             str(task.index),
             task.name,
             task.state,
-            f"{task.payload_kg:g}",
             *("-" if motion is None else f"{motion.objective:.4f}" for motion in motions),
             "-" if task.iterations is None else str(task.iterations),
             "-" if task.solve_time_s is None else f"{task.solve_time_s:.2f}",
         )
-    console.print(table)
+    print_table(console, f"Tasks: {QUANTITIES[objective]}", table)
 
 
-def print_failures(console: Console, tasks: Iterable[TaskResult]) -> None:
-    """Tasks that could not be solved, and why."""
+def print_failures(console: Console, tasks: Iterable[TaskResult], methods: Sequence[str]) -> None:
+    """Solves that failed, and why."""
     failed = [task for task in tasks if task.state in ("failed", "dead")]
     if not failed:
         return
-    console.print(f"{len(failed)} {'task has' if len(failed) == 1 else 'tasks have'} a failed solve:")
+    console.print("Failed solves:")
     for task in failed:
-        left_out = " (left out of the design)" if task.own is None else ""
-        console.print(f"  task {task.index}, {task.name}{left_out}: {task.reason}", soft_wrap=True)
+        without = [method for method in methods if method not in task.methods]
+        what = "no motion at all, left out of the design" if task.own is None else f"with {', '.join(without)}"
+        console.print(f"  task {task.index}, {task.name}, {what}: {task.reason}", soft_wrap=True)
+    console.print()
 
 
 def print_comparison(console: Console, comparison: ComparisonAnswer, reference: Reference | None = None) -> None:
@@ -150,26 +153,26 @@ def print_comparison(console: Console, comparison: ComparisonAnswer, reference: 
     if not comparison.tasks_compared:
         console.print("There is no task that every method solved: nothing to compare.")
         return
-    if reference is not None and (reference.unit != comparison.unit or not reference.totals):
+    if reference is not None and not reference.totals:
         reference = None
-    console.print(_totals(comparison, reference))
+    names = comparison.task_names
+    title = f"Totals over the {len(names)} tasks that every method solved" if len(names) > 1 else f"Task '{names[0]}'"
+    print_table(console, title, _totals(comparison, reference))
     for name, why in comparison.missing.items():
         console.print(f"{name}: {why}")
     for line in [REGRET, *_verdict(comparison), *_explanations(comparison, reference)]:
         console.print(line, soft_wrap=True)
-    for heat_map in heat_maps(comparison):
+    for title, heat_map in heat_maps(comparison):
         console.print()
-        console.print(heat_map)
+        print_table(console, title, heat_map)
 
 
 def _totals(comparison: ComparisonAnswer, reference: Reference | None) -> Table:
     weighted = comparison.unit == "1"
-    names = comparison.task_names
     columns = ["method", *(["weighted sum"] if weighted else [])]
-    columns += ["time, s", "energy, V2 s", "electrical, J", "copper, J", "regret, %"]
-    columns += [] if reference is None else [f"reference, {comparison.unit}", "differs, %"]
-    title = f"Totals over {len(names)} tasks" if len(names) > 1 else f"The task '{names[0]}'"
-    table = _table(*columns, title=title)
+    columns += ["time\ns", "energy\nV2 s", "electrical\nJ", "copper\nJ", "regret\n%"]
+    columns += [] if reference is None else [f"reference\n{comparison.unit}", "differs\n%"]
+    table = new_table(*columns)
     for name, method in comparison.methods.items():
         regret = comparison.regret.get(name)
         row = [name, *([f"{method.total_objective:.4f}"] if weighted else [])]
@@ -194,10 +197,10 @@ def print_reference_tasks(console: Console, reference: Reference, tasks: Iterabl
     if not rows:
         return
     unit = reference.unit
-    table = _table("own optimum of task", f"found, {unit}", f"reference, {unit}", "differs, %", title="Single tasks")
+    table = new_table("own optimum of task", f"found\n{unit}", f"reference\n{unit}", "differs\n%")
     for name, expected, motion in rows:
         table.add_row(name, f"{motion.objective:.4f}", *_beside(motion.objective, expected))
-    console.print(table)
+    print_table(console, "Single tasks", table)
 
 
 def _verdict(comparison: ComparisonAnswer) -> list[str]:
@@ -209,8 +212,7 @@ def _verdict(comparison: ComparisonAnswer) -> list[str]:
     if best == chosen:
         return []
     percent = 100 * (totals[chosen] / totals[best] - 1)
-    unit = "" if comparison.unit == "1" else f" {comparison.unit}"
-    return [f"{best} does better than {chosen} here: with {chosen} the total is {percent:.2f} percent more{unit}."]
+    return [f"{best} does better than {chosen} here: with {chosen} the total is {percent:.2f} percent higher."]
 
 
 def _explanations(comparison: ComparisonAnswer, reference: Reference | None) -> list[str]:
@@ -227,11 +229,3 @@ def _explanations(comparison: ComparisonAnswer, reference: Reference | None) -> 
         )
         lines.append(f"{name} differs from the reference by more than {100 * ALIKE:g} percent: {why}")
     return lines
-
-
-def _table(*columns: str, title: str | None = None, left: int = 1) -> Table:
-    """A table without vertical lines; all columns but the first `left` hold numbers."""
-    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left", title_style="bold", pad_edge=False)
-    for k, name in enumerate(columns):
-        table.add_column(name, justify="left" if k < left else "right", no_wrap=True)
-    return table
