@@ -1,0 +1,1 @@
+"""Figures from stored results: pure functions of the wire answers, with no database and no web."""

@@ -1,0 +1,82 @@
+"""Bar charts of the methods' totals, and of their regret against the tasks' own optima."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from services.codesign.comparison import OWN
+from services.report.heat_map import signed
+from services.report.style import GREEN, INK, QUIET, light_grid, method_name, new_figure
+from shared.contracts.results import ComparisonAnswer
+
+BAR_HEIGHT = 0.62
+OTHER = "#a9b4bb"
+OWN_COLOUR = "#d5dadd"
+WORDS = {"time": "total time", "energy": "total energy, ∫u'u dt", "weighted": "total weighted objective"}
+UNITS = {"V2 s": "V² s", "1": "1", "": "1"}
+
+
+def totals_chart(comparisons: Sequence[ComparisonAnswer], method: str) -> Figure:
+    """A row an application: totals on the left, regret on the right, the application's method coloured.
+
+    The dots are the tasks one by one, the bar is the regret of the total.
+
+    Parameters
+    ----------
+    comparisons
+        At least one, each with at least one method besides `own`.
+    method
+        The applications' method.
+    """
+    heights = [0.36 * len(comparison.methods) + 0.95 for comparison in comparisons]
+    figure = new_figure(10.5, sum(heights))
+    panels = figure.subplots(len(comparisons), 2, squeeze=False, height_ratios=heights)
+    for (left, right), comparison in zip(panels, comparisons, strict=True):
+        names = sorted(comparison.methods, key=lambda name: (name != OWN, comparison.methods[name].total_objective))
+        _totals(left, comparison, names, method)
+        _regret(right, comparison, names, method)
+    return figure
+
+
+def _totals(axes: Axes, comparison: ComparisonAnswer, names: list[str], method: str) -> None:
+    values = [comparison.methods[name].total_objective for name in names]
+    colours = [OWN_COLOUR if name == OWN else GREEN if name == method else OTHER for name in names]
+    axes.barh(range(len(names)), values, BAR_HEIGHT, color=colours)
+    for k, (name, value) in enumerate(zip(names, values, strict=True)):
+        regret = comparison.regret[name].total if name in comparison.regret else None
+        text = f"{value:.5g}" if regret is None else f"{value:.5g}  ({signed(100 * regret)} %)"
+        axes.annotate(text, (value, k), (4, 0), textcoords="offset points", va="center", fontsize=8)
+    axes.axvline(values[0], color=QUIET, linewidth=0.8, linestyle=(0, (4, 3)))
+    axes.set_xlim(0, 1.35 * max(values))
+    _name_methods(axes, names)
+    unit = UNITS.get(comparison.unit, comparison.unit)
+    axes.set_xlabel(f"{WORDS.get(comparison.objective, 'total objective')} [{unit}]")
+    axes.set_title(
+        f"{comparison.objective}: totals over the {len(comparison.tasks_compared)} tasks that every method solved"
+    )
+
+
+def _regret(axes: Axes, comparison: ComparisonAnswer, names: list[str], method: str) -> None:
+    """In percent; tasks whose own optimum is beaten (another local optimum) lie left of zero."""
+    for k, name in enumerate(names):
+        if name not in comparison.regret or (total := comparison.regret[name].total) is None:
+            continue
+        axes.barh(k, 100 * total, BAR_HEIGHT, color=GREEN if name == method else OTHER)
+        tasks = [100 * value for value in comparison.regret[name].per_task if value is not None]
+        axes.plot(tasks, [k] * len(tasks), "o", markersize=4.5, markerfacecolor="none", markeredgecolor=INK, alpha=0.7)
+    axes.axvline(0, color=QUIET, linewidth=0.8)
+    _name_methods(axes, names)
+    axes.set_yticklabels([])
+    axes.set_xlabel("regret against the own designs [%]")
+    axes.set_title(f"{comparison.objective}: regret (bar: of the total, circles: of each task)")
+
+
+def _name_methods(axes: Axes, names: list[str]) -> None:
+    axes.set_yticks(range(len(names)), [method_name(name) for name in names])
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.tick_params(axis="y", length=0)
+    axes.spines["left"].set_visible(False)
+    light_grid(axes, "x")
