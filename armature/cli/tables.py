@@ -38,9 +38,8 @@ def print_status(console: Console, status: ApplicationStatus) -> None:
     console.print(f"{status.name}  {status.id}  {status.state}", style="bold")
     if status.reason:
         console.print(f"  {status.reason}")
-    console.print(
-        f"  {status.tasks} task{'' if status.tasks == 1 else 's'}, {status.objective.kind}, {', '.join(status.methods)}, robot {status.robot}"
-    )
+    tasks = "1 task" if status.tasks == 1 else f"{status.tasks} tasks"
+    console.print(f"  {tasks}, {status.objective.kind}, {', '.join(status.methods)}, robot {status.robot}")
     for stage in status.progress.stages:
         failed = f", {stage.failed + stage.dead} failed" if stage.failed + stage.dead else ""
         running = f", {stage.running} running" if stage.running else ""
