@@ -1,0 +1,60 @@
+# Everything there is to do with a clone. `make` alone lists it.
+# Needs Python 3.11 or later as python3 (or PYTHON=...) and a C compiler; no database and no broker.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+# Stamps: the set-up is redone when what it was made from changes, and only then.
+READY := $(VENV)/.ready
+READY_TO_DEVELOP := $(VENV)/.ready-to-develop
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help setup demo test lint format lock clean
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+setup: $(READY) ## make .venv with everything the service needs, locked by hash; gives .venv/bin/armature
+
+demo: $(READY) ## the paper's application, end to end: 25 tasks, one design, compared with two others (a few minutes)
+	$(BIN)/armature run examples/pick_and_place.yaml
+
+test: lint ## lint, types, layers, then all tests
+	$(BIN)/pytest
+
+lint: $(READY_TO_DEVELOP) ## ruff, mypy, import-linter
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: $(READY_TO_DEVELOP) ## format the code, and fix what ruff can fix
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+UV_COMPILE = uv pip compile --universal --generate-hashes --no-emit-index-url --no-annotate --no-header \
+	--python-version 3.11 pyproject.toml
+
+lock: ## write both lock files from pyproject.toml, with hashes (needs uv; UPGRADE=--upgrade takes the newest versions)
+	$(UV_COMPILE) $(UPGRADE) --group build -o requirements.lock
+	$(UV_COMPILE) $(UPGRADE) --group dev -o requirements-dev.lock
+
+clean: ## remove .venv, caches and results
+	rm -rf $(VENV) out build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(VENV)/pyvenv.cfg:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+		|| { echo "Python 3.11 or later is needed; 'make PYTHON=/path/to/python3 ...' names another"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+$(READY): pyproject.toml requirements.lock | $(VENV)/pyvenv.cfg
+	$(BIN)/pip install --quiet --require-hashes -r requirements.lock
+	$(BIN)/pip install --quiet --no-deps --no-build-isolation -e .
+	@touch $@
+
+$(READY_TO_DEVELOP): $(READY) requirements-dev.lock
+	$(BIN)/pip install --quiet --require-hashes -r requirements-dev.lock
+	@touch $@
