@@ -235,9 +235,12 @@ def descendants(pid: int) -> list[int]:
 
 
 def _spawn(command: Sequence[str], log: Path, as_user: int | None) -> subprocess.Popen[bytes]:
+    # Where the system can do it, a server ends with tests that are killed and cannot stop it any more.
+    setpriv = shutil.which("setpriv")
+    tied = [setpriv, "--pdeathsig", "INT", "--"] if setpriv is not None else []
     with log.open("ab") as output:
         return subprocess.Popen(
-            command,
+            [*tied, *command],
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=output,
