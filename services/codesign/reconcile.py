@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from services.codesign.motor import constraint_limits, design_constraints
+from services.codesign.motor import constraint_limits, design_constraints, evaluate_motor
 from services.codesign.motor_data import COEFFICIENTS, DIMENSIONS, MotorData
 
 TOLERANCE = 1e-9
@@ -67,18 +67,12 @@ def feasible_design(motor: MotorData) -> np.ndarray:
 
 def violation(design: np.ndarray, motor: MotorData) -> float:
     """Largest relative violation of the bounds and constraints by a design of shape (7,) m; 0 inside."""
-    values = _constraints()(design, motor.coefficients()).full().ravel()
+    values = np.array(list(evaluate_motor(design, motor)[1].values()))
     low, high = constraint_limits(motor)
     scale = np.abs(np.where(np.isfinite(low), low, high))
     outside = np.maximum(np.maximum(low - values, values - high) / scale, 0)
     beyond = np.maximum(np.maximum(1 - design / motor.lower, design / motor.upper - 1), 0)
     return float(max(outside.max(), beyond.max()))
-
-
-@lru_cache(maxsize=1)
-def _constraints() -> ca.Function:
-    design, coefficients = ca.SX.sym("design", len(DIMENSIONS)), ca.SX.sym("coefficients", len(COEFFICIENTS))
-    return ca.Function("constraints", [design, coefficients], [design_constraints(design, coefficients)])
 
 
 @lru_cache(maxsize=1)
