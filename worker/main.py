@@ -17,12 +17,11 @@ def main() -> None:
     from shared.dispatch.broker import celery_app, worker_arguments
     from shared.observability import configure_logging
     from shared.settings import Settings
-    from worker.tasks import register_tasks
+    from worker.tasks import MODULE
 
     settings = Settings()
     configure_logging()
-    app = celery_app(settings.broker_url)
-    register_tasks(app, settings)
+    app = celery_app(settings.broker_url, task_modules=[MODULE])
     app.worker_main(worker_arguments(settings.workers))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from celery import Celery
+from celery import shared_task
 from sqlalchemy import Engine
 
 from shared.db.engine import make_engine
@@ -14,16 +14,19 @@ from worker.run_job import run_job
 RUN_JOB = "armature.run_job"
 """Name by which the relay sends."""
 
-
-def register_tasks(app: Celery, settings: Settings) -> None:
-    """Add the task to an application."""
-
-    @app.task(name=RUN_JOB)  # type: ignore[untyped-decorator]
-    def _run_job(job_id: str) -> None:
-        run_job(_engine(settings.database_url), settings, job_id)
+MODULE = __name__
+"""Where pool processes find the task when they are spawned, not forked."""
 
 
-@lru_cache(maxsize=4)
-def _engine(database_url: str) -> Engine:
-    """One engine a process, made after the fork."""
-    return make_engine(database_url)
+@shared_task(name=RUN_JOB)  # type: ignore[untyped-decorator]
+def run_job_task(job_id: str) -> None:
+    """Claim a job, solve it, record the outcome."""
+    engine, settings = _process()
+    run_job(engine, settings, job_id)
+
+
+@lru_cache(maxsize=1)
+def _process() -> tuple[Engine, Settings]:
+    """Settings from the environment, and one engine a process, made after the fork."""
+    settings = Settings()
+    return make_engine(settings.database_url), settings
