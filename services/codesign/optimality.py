@@ -23,33 +23,29 @@ class Optimality:
 
     kkt_residual: float  # largest of stationarity and complementarity, over s_d
     constraint_violation: float  # largest, constraints and bounds; 1 is about one limit
-    lam_x: np.ndarray  # the multipliers given, with those of pinned variables filled in
 
 
 def optimality(program: Program, instance: Instance, x: np.ndarray, lam_x: np.ndarray, lam_g: np.ndarray) -> Optimality:
     """Evaluate the first-order conditions at a point with its multipliers.
 
-    IPOPT takes pinned variables (equal bounds) out of the program and gives them no multiplier; theirs is whatever
-    makes the Lagrangian stationary, and it is the slope of the optimum in the pinned value.
+    Multipliers of pinned variables (equal bounds: a given design, the end state) count like the others; minus
+    `lam_x` is there the slope of the optimum in the pinned value.
     """
     gradient = program.grad_f(x, instance.parameters)[1].full().ravel()
     values, jacobian = program.jac_g(x, instance.parameters)
     g = values.full().ravel()
     slope = gradient + (jacobian.T @ lam_g).full().ravel()
-    pinned = instance.lower_x == instance.upper_x
-    lam_x = np.where(pinned, -slope, lam_x)
     complementarity = max(
         _complementarity(x, lam_x, instance.lower_x, instance.upper_x),
         _complementarity(g, lam_g, instance.lower_g, instance.upper_g),
     )
-    mean = (np.abs(lam_g).sum() + np.abs(lam_x[~pinned]).sum()) / (lam_g.size + (~pinned).sum())
-    scale = max(MULTIPLIER_SIZE, float(mean)) / MULTIPLIER_SIZE
+    mean = float(np.abs(np.concatenate([lam_x, lam_g])).mean())
+    scale = max(MULTIPLIER_SIZE, mean) / MULTIPLIER_SIZE
     return Optimality(
         kkt_residual=max(float(np.abs(slope + lam_x).max()), complementarity) / scale,
         constraint_violation=max(
             _outside(x, instance.lower_x, instance.upper_x), _outside(g, instance.lower_g, instance.upper_g)
         ),
-        lam_x=lam_x,
     )
 
 

@@ -148,7 +148,7 @@ def _solution(problem: Problem, program: Program, instance: Instance, result: Cl
         kkt_residual=certificate.kkt_residual,
         constraint_violation=certificate.constraint_violation,
         x=outcome.x,
-        lam_x=certificate.lam_x,
+        lam_x=outcome.lam_x,
         lam_g=outcome.lam_g,
     )
     if not outcome.success:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 from dataclasses import replace
 from functools import lru_cache
 
@@ -273,6 +274,21 @@ def test_interrupt_comes_out():
     with pytest.raises(KeyboardInterrupt):
         solve(paper_problem(0.6, 2.0), progress=interrupt)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_interrupt_between_callbacks_comes_out():
+    """CasADi looks for signals in every evaluation, and would drop Python's exception there."""
+    problem = paper_problem(0.6, 2.0)
+    solve(problem)
+    timer = threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT))
+
+    def solve_until_it_fires():
+        while timer.is_alive():
+            solve(problem)
+
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        solve_until_it_fires()
 
 
 def test_second_solve_at_once_is_refused():
