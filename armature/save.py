@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from pydantic import BaseModel
 
@@ -16,23 +18,26 @@ from shared.contracts.results import TaskList
 OWN = "own"
 
 
-def save_results(application: Application, out: Path) -> Path:
-    """Write application, tasks, designs, comparison and every motion; what there is not is left out.
+def save_results(application: Application, out: Path, request: Mapping[str, Any]) -> Path:
+    """Write request, application, tasks, designs, comparison and every motion; what there is not is left out.
 
     Parameters
     ----------
     out
         Folder in which a new one, named after the application and its id, is made.
+    request
+        What was submitted: what the answers leave out of it, such as the motor's constants, figures need.
 
     Returns
     -------
     Path
-        The new folder: application.json, tasks.json, design.json, designs.json, comparison.json, and
+        The new folder: request.json, application.json, tasks.json, design.json, designs.json, comparison.json, and
         trajectories/task-KKK-METHOD.json.
     """
     status = application.status()
     folder = out / f"{_file_name(status.name)}-{status.id}"
     (folder / "trajectories").mkdir(parents=True, exist_ok=True)
+    (folder / "request.json").write_text(json.dumps(request, indent=1) + "\n", encoding="utf-8")
     tasks = application.tasks()
     _write(folder / "application.json", status)
     _write(folder / "tasks.json", TaskList(items=tasks, next_cursor=None))

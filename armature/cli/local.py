@@ -45,8 +45,8 @@ def run(
 ) -> None:
     """Design the motors for one application, here and now.
 
-    Starts what it needs, shows progress, prints the design and the comparison, writes every result as JSON, and
-    leaves nothing running. Ctrl-C cancels the application.
+    Starts what it needs, shows progress, prints the design and the comparison, writes every result as JSON and the
+    figures made from them, and leaves nothing running. Ctrl-C cancels the application.
     """
     interrupt_on_signals()
     request, reference = read_application(file), reference_beside(file)
@@ -55,12 +55,14 @@ def run(
     place = Place(workers=workers or settings.workers, grace_s=RUN_GRACE_S)
     with _started(console, settings, place) as service, Client(service.url) as client:
         application, status = _submit_and_wait(console, client, service, settings, request)
-        folder = save_results(application, out)
+        folder = save_results(application, out, request)
         if as_json:
             print_json(status)
         else:
             show_results(output(), application, status, reference)
     console.print(f"\nevery result as JSON: {folder}", soft_wrap=True)
+    if figures := _figures(folder):
+        console.print(f"figures: {folder / 'figures'} ({', '.join(path.stem for path in figures)})", soft_wrap=True)
     raise typer.Exit(exit_code_of(status.state))
 
 
@@ -133,6 +135,14 @@ def _follow(console: Console, application: Application, service: Service, settin
             show(status)
 
         return application.wait(look, poll_s=POLL_S)
+
+
+def _figures(folder: Path) -> list[Path]:
+    """Draw what was saved; imported here, since it takes a second that no other command should wait for."""
+    from services.report.answers import read_answers
+    from services.report.figures import write_figures
+
+    return write_figures(read_answers(folder), folder / "figures")
 
 
 def _cancel(application: Application) -> None:

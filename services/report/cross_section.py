@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon, Rectangle
 
 from services.codesign.motor_data import DIMENSIONS, MotorData
 from services.report.section_geometry import MotorSection, Outline, motor_section
-from services.report.style import DIMENSION_NAMES, DIMENSION_SYMBOLS, INK, QUIET, method_name, new_figure
+from services.report.style import DIMENSION_NAMES, DIMENSION_SYMBOLS, INK, QUIET, method_name
 from shared.contracts.results import DesignAnswer
 
 STATOR_IRON, ROTOR_IRON, COPPER, NORTH, SOUTH, AIR = "#9fabb3", "#c3cacf", "#c98745", "#b5483a", "#4a6f9c", "#ffffff"
-EDGE: dict[str, Any] = {"edgecolor": INK, "linewidth": 0.5}
+EDGE: dict[str, Any] = {"edgecolor": INK, "linewidth": 0.4}
+FINE: dict[str, Any] = {"edgecolor": INK, "linewidth": 0.2}
+"""Around magnets, which may be thinner than a line."""
 
-GAP = 12.0  # mm between motors
-ROW = 8.5  # mm, a row of the table
-LABELS = 62.0  # mm, the names of the table's rows
-WIDTH = 12.0  # inches, of a figure with six motors
+# The page, in inches
+COLUMN, LABELS, MARGIN = 1.72, 2.0, 0.15
+DRAWING = 1.56
+"""Room for the widest cross-section."""
+LONGEST = 2.6
+"""Room for the longest stack."""
+HEAD, BETWEEN, ROW, FOOT = 0.3, 0.28, 0.185, 0.2
 TOLERANCE_MM = 1e-6
 """The drawing and the design sheet may differ by rounding, not by a constant."""
 
@@ -31,6 +36,33 @@ _SHEET_ROWS = (
     ("peak torque", "N m", ("torque_limit_Nm",)),
 )
 """Below the dimensions: sums of a motor's parameters."""
+
+
+@dataclass(frozen=True)
+class Pen:
+    """Draws lengths in mm on a page in inches, around a point of the page."""
+
+    axes: Axes
+    scale: float  # inches per mm
+    x: float
+    y: float
+
+    def circle(self, radius: float, colour: str) -> None:
+        """A disc around the point."""
+        self.axes.add_patch(Circle((self.x, self.y), self.scale * radius, facecolor=colour, **EDGE))
+
+    def outlines(self, shapes: Sequence[Outline], *colours: str, edge: dict[str, Any] = EDGE) -> None:
+        """Polygons, in these colours in turn."""
+        for k, shape in enumerate(shapes):
+            points = self.scale * shape + np.array([self.x, self.y])
+            self.axes.add_patch(Polygon(points, facecolor=colours[k % len(colours)], **edge))
+
+    def bar(self, left: float, right: float, length: float, colour: str, edge: dict[str, Any] = EDGE) -> None:
+        """A rectangle that hangs from the height of the point."""
+        corner = (self.x + self.scale * left, self.y - self.scale * length)
+        self.axes.add_patch(
+            Rectangle(corner, self.scale * (right - left), self.scale * length, facecolor=colour, **edge)
+        )
 
 
 def motor_drawings(design: DesignAnswer, motor: MotorData) -> Figure:
@@ -54,37 +86,26 @@ def motor_drawings(design: DesignAnswer, motor: MotorData) -> Figure:
     _check_constants(design, sections)
     widest = max(section.stator_radius for section in sections)
     longest = max(section.stack_length for section in sections)
-    pitch = 2 * widest + GAP
-    table = _table_rows(design)
+    scale = min(DRAWING / (2 * widest), LONGEST / longest)
+    rows = [*_dimension_rows(design), *_sheet_rows(design)]
 
-    right = pitch * len(sections) - GAP / 2
-    top, bottom = widest + 16, -widest - GAP - longest - 8 - ROW * len(table)
-    left = -LABELS
-    inches = WIDTH / (6 * pitch + LABELS)  # per mm
-    figure = new_figure((right - left) * inches, (top - bottom) * inches + 0.3)
-    axes = figure.add_subplot()
-    axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")
+    width = LABELS + COLUMN * len(sections) + MARGIN
+    height = HEAD + 2 * scale * widest + BETWEEN + scale * longest + 2 * BETWEEN + ROW * len(rows) + FOOT
+    figure = Figure(figsize=(width, height))  # no automatic layout: the drawing is to scale
+    axes = figure.add_axes((0, 0, 1, 1), xlim=(0, width), ylim=(0, height))
     axes.set_axis_off()
-    for k, section in enumerate(sections):
-        x = k * pitch + widest
-        axes.text(x, widest + 6, f"motor {design.motors[k]['joint']}", ha="center", fontsize=10, weight="bold")
-        _across(axes, section, x)
-        _along(axes, section, x, -widest - GAP)
-    axes.text(left, 0, "across the axis", va="center", color=QUIET)
-    axes.text(left, -widest - GAP - longest / 2, "along the axis", va="center", color=QUIET)
-    _scale_bar(axes, left, -widest - GAP - longest)
-    _table(axes, table, left, [k * pitch + widest for k in range(len(sections))], -widest - GAP - longest - 12)
-    keys = [("stator iron", STATOR_IRON), ("rotor iron", ROTOR_IRON), ("winding", COPPER)]
-    handles = [Patch(facecolor=colour, label=label, **EDGE) for label, colour in keys]
-    handles += [Patch(facecolor=c, label=f"magnet, {pole}", **EDGE) for pole, c in (("north", NORTH), ("south", SOUTH))]
-    slots, poles = len(sections[0].slots), len(sections[0].magnets)
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=len(handles),
-        title=f"design: {method_name(design.method)};  {slots} slots, {poles} poles;  all drawings to one scale",
-        title_fontsize=9,
-    )
+    columns = [LABELS + COLUMN * (k + 0.5) for k in range(len(sections))]
+    middle = height - HEAD - scale * widest
+    top = middle - scale * widest - BETWEEN
+    for x, section, sheet in zip(columns, sections, design.motors, strict=True):
+        axes.text(x, height - HEAD / 2, f"motor {sheet['joint']}", ha="center", va="center", fontsize=10, weight="bold")
+        _across(Pen(axes, scale, x, middle), section)
+        _along(Pen(axes, scale, x, top), section)
+    axes.text(MARGIN, middle, "across the axis", va="center", color=QUIET)
+    axes.text(MARGIN, top, "along the axis", va="top", color=QUIET)
+    _scale_bar(axes, scale, MARGIN, middle - scale * widest)
+    _table(axes, rows, columns, top - scale * longest - 1.5 * BETWEEN)
+    _key(figure, design, sections[0])
     return figure
 
 
@@ -98,64 +119,69 @@ def _check_constants(design: DesignAnswer, sections: Sequence[MotorSection]) -> 
             )
 
 
-def _across(axes: Axes, section: MotorSection, x: float) -> None:
-    def circle(radius: float, colour: str) -> None:
-        axes.add_patch(Circle((x, 0), radius, facecolor=colour, **EDGE))
-
-    def outlines(shapes: Sequence[Outline], colours: Sequence[str]) -> None:
-        for k, shape in enumerate(shapes):
-            axes.add_patch(Polygon(shape + np.array([x, 0]), facecolor=colours[k % len(colours)], **EDGE))
-
-    circle(section.stator_radius, STATOR_IRON)
-    outlines(section.slots, [COPPER])
-    outlines(section.openings, [AIR])
-    circle(section.bore_radius, AIR)
-    outlines(section.magnets, [NORTH, SOUTH])
-    circle(section.magnet_inner_radius, ROTOR_IRON)
-    for start, stop in (((x - 2, 0), (x + 2, 0)), ((x, -2), (x, 2))):
-        axes.add_line(Line2D(*zip(start, stop, strict=True), color=INK, linewidth=0.5))
+def _across(pen: Pen, section: MotorSection) -> None:
+    pen.circle(section.stator_radius, STATOR_IRON)
+    pen.outlines(section.slots, COPPER)
+    pen.outlines(section.openings, AIR)
+    pen.circle(section.bore_radius, AIR)
+    pen.outlines(section.magnets, NORTH, SOUTH, edge=FINE)
+    pen.circle(section.magnet_inner_radius, ROTOR_IRON)
+    pen.axes.plot(pen.x, pen.y, "+", color=INK, markersize=6, markeredgewidth=0.5)
 
 
-def _along(axes: Axes, section: MotorSection, x: float, top: float) -> None:
+def _along(pen: Pen, section: MotorSection) -> None:
     """Cut through two opposite teeth: stator, air gap, magnets, rotor; the axis runs down the page."""
     length = section.stack_length
-
-    def bar(inner: float, outer: float, colour: str, side: int) -> None:
-        corner = (x + min(side * inner, side * outer), top - length)
-        axes.add_patch(Rectangle(corner, outer - inner, length, facecolor=colour, **EDGE))
-
-    for side in (-1, 1):
-        bar(section.bore_radius, section.stator_radius, STATOR_IRON, side)
-        bar(section.magnet_inner_radius, section.rotor_radius, NORTH if side > 0 else SOUTH, side)
-    bar(-section.magnet_inner_radius, section.magnet_inner_radius, ROTOR_IRON, 1)
-    axes.plot([x, x], [top + 3, top - length - 3], color=INK, linewidth=0.5, linestyle=(0, (8, 2, 1, 2)))
+    for side, magnet in ((-1, SOUTH), (1, NORTH)):
+        pen.bar(side * section.bore_radius, side * section.stator_radius, length, STATOR_IRON)
+        pen.bar(side * section.magnet_inner_radius, side * section.rotor_radius, length, magnet, FINE)
+    pen.bar(-section.magnet_inner_radius, section.magnet_inner_radius, length, ROTOR_IRON)
+    ends = [pen.y + 0.06, pen.y - pen.scale * length - 0.06]
+    pen.axes.plot([pen.x, pen.x], ends, color=INK, linewidth=0.5, linestyle=(0, (8, 2, 1, 2)))
 
 
-def _scale_bar(axes: Axes, x: float, y: float) -> None:
-    length = 20.0
-    axes.plot([x, x + length], [y, y], color=INK, linewidth=2, solid_capstyle="butt")
-    axes.text(x, y + 2, f"{length:g} mm", va="bottom", fontsize=8)
+def _scale_bar(axes: Axes, scale: float, x: float, y: float) -> None:
+    length = 50.0 if 50 * scale < LABELS / 2 else 20.0
+    axes.plot([x, x + scale * length], [y, y], color=INK, linewidth=2, solid_capstyle="butt")
+    axes.text(x, y + 0.05, f"{length:g} mm", va="bottom", fontsize=8)
 
 
-def _table_rows(design: DesignAnswer) -> list[tuple[str, list[str]]]:
-    rows = [
-        (f"{DIMENSION_SYMBOLS[name]}  {DIMENSION_NAMES[name]} [mm]", [f"{row[k]:.2f}" for row in design.design_mm])
-        for k, name in enumerate(DIMENSIONS)
-    ]
-    return rows + list(_sheet_rows(design))
+Row = tuple[str, str, list[str]]
+"""Symbol, words, and one value a motor."""
 
 
-def _sheet_rows(design: DesignAnswer) -> Iterator[tuple[str, list[str]]]:
+def _dimension_rows(design: DesignAnswer) -> Iterator[Row]:
+    for k, name in enumerate(DIMENSIONS):
+        values = [f"{row[k]:.2f}" for row in design.design_mm]
+        yield DIMENSION_SYMBOLS[name], f"{DIMENSION_NAMES[name]} [mm]", values
+
+
+def _sheet_rows(design: DesignAnswer) -> Iterator[Row]:
     for label, unit, names in _SHEET_ROWS:
         values = [sum(sheet["parameters"][name] for name in names) for sheet in design.motors]
-        yield f"{label} [{unit}]", [f"{value:.2f}" for value in values]
+        yield "", f"{label} [{unit}]", [f"{value:.2f}" for value in values]
 
 
-def _table(axes: Axes, rows: list[tuple[str, list[str]]], left: float, columns: list[float], top: float) -> None:
-    for k, (label, values) in enumerate(rows):
+def _table(axes: Axes, rows: Sequence[Row], columns: Sequence[float], top: float) -> None:
+    for k, (symbol, words, values) in enumerate(rows):
         y = top - ROW * k
-        axes.text(left, y, label, va="center", fontsize=8)
+        axes.text(MARGIN, y, symbol, va="center_baseline", fontsize=8.5)
+        axes.text(MARGIN + 0.45, y, words, va="center_baseline", fontsize=8)
         for x, value in zip(columns, values, strict=True):
-            axes.text(x, y, value, ha="center", va="center", fontsize=8.5)
-        if k == len(DIMENSIONS):
-            axes.plot([left, columns[-1] + columns[0]], [y + ROW / 2] * 2, color=QUIET, linewidth=0.5)
+            axes.text(x, y, value, ha="center", va="center_baseline", fontsize=8.5)
+    line = top - ROW * (len(DIMENSIONS) - 0.5)
+    axes.plot([MARGIN, columns[-1] + COLUMN / 2], [line, line], color=QUIET, linewidth=0.5)
+
+
+def _key(figure: Figure, design: DesignAnswer, section: MotorSection) -> None:
+    colours = {
+        "stator iron": STATOR_IRON,
+        "rotor iron": ROTOR_IRON,
+        "winding": COPPER,
+        "magnet, north": NORTH,
+        "magnet, south": SOUTH,
+    }
+    handles = [Patch(facecolor=colour, label=label, **EDGE) for label, colour in colours.items()]
+    figure.legend(handles=handles, loc="lower right", ncols=len(handles), borderaxespad=0.6)
+    text = f"design: {method_name(design.method)};  {len(section.slots)} slots, {len(section.magnets)} poles"
+    figure.text(MARGIN / figure.get_figwidth(), 0.17 / figure.get_figheight(), text, va="center", color=QUIET)

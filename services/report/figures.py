@@ -39,7 +39,7 @@ def write_figures(answers: Answers, folder: Path, kind: Format = "svg") -> list[
     Returns
     -------
     list of Path
-        motors (the design, drawn to scale), designs (spread over the tasks), totals, improvement (heat maps, for a
+        motors (the design, drawn to scale), designs (spread over the tasks), totals (of several tasks), improvement (heat maps, for a
         grid of tasks), motion-KKK-METHOD.
     """
     folder.mkdir(parents=True, exist_ok=True)
@@ -59,7 +59,7 @@ def _figures(answers: Answers) -> Iterator[tuple[str, Draw]]:
         yield "designs", lambda: design_boxes(designs, method, motor)
     comparison = answers.comparison
     if comparison is not None and comparison.tasks_compared and method in comparison.methods:
-        if len(comparison.methods) > 1:
+        if len(comparison.tasks_compared) > 1 and len(comparison.methods) > 1:
             yield "totals", lambda: totals_chart([comparison], method)
         if comparison.grid is not None and compared_methods(comparison, method):
             yield "improvement", lambda: improvement_maps([(comparison, answers.tasks)], method)

@@ -114,5 +114,5 @@ def _draw(axes: Axes, row: _Row, joint: int, time: npt.NDArray[np.float64]) -> N
     shade_outside(axes, low, high)
     bottom, top = axes.get_ylim()
     if not (bottom <= low and high <= top):
-        note = f"range {low:.2f} to {high:.2f}".replace("-", "−")
+        note = f"limit ±{high:.3g}" if low == -high else f"limits {low:.3g}, {high:.3g}".replace("-", "−")
         axes.annotate(note, (0.97, 0.93), xycoords="axes fraction", ha="right", va="top", fontsize=6.5, color=QUIET)

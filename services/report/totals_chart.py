@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import StrMethodFormatter
 
 from services.codesign.comparison import OWN
 from services.report.heat_map import signed
@@ -16,13 +17,15 @@ BAR_HEIGHT = 0.62
 OTHER = "#a9b4bb"
 OWN_COLOUR = "#d5dadd"
 WORDS = {"time": "total time", "energy": "total energy, ∫u'u dt", "weighted": "total weighted objective"}
+LINEAR_TO, LINEAR_WITHIN = 100.0, 10.0  # percent
+"""A regret beyond the first makes the axis logarithmic above the second."""
 UNITS = {"V2 s": "V² s", "1": "1", "": "1"}
 
 
 def totals_chart(comparisons: Sequence[ComparisonAnswer], method: str) -> Figure:
     """A row an application: totals on the left, regret on the right, the application's method coloured.
 
-    The dots are the tasks one by one, the bar is the regret of the total.
+    The circles are the tasks one by one, the bar is the regret of the total.
 
     Parameters
     ----------
@@ -60,17 +63,26 @@ def _totals(axes: Axes, comparison: ComparisonAnswer, names: list[str], method: 
 
 
 def _regret(axes: Axes, comparison: ComparisonAnswer, names: list[str], method: str) -> None:
-    """In percent; tasks whose own optimum is beaten (another local optimum) lie left of zero."""
+    """In percent; a task lies left of zero when its own optimum is beaten, by another local one."""
+    smallest, largest = 0.0, 0.0
     for k, name in enumerate(names):
         if name not in comparison.regret or (total := comparison.regret[name].total) is None:
             continue
-        axes.barh(k, 100 * total, BAR_HEIGHT, color=GREEN if name == method else OTHER)
         tasks = [100 * value for value in comparison.regret[name].per_task if value is not None]
+        smallest, largest = min(smallest, *tasks), max(largest, *tasks)
         axes.plot(tasks, [k] * len(tasks), "o", markersize=4.5, markerfacecolor="none", markeredgecolor=INK, alpha=0.7)
+        colour = GREEN if name == method else OTHER
+        axes.plot([100 * total] * 2, [k - BAR_HEIGHT / 2, k + BAR_HEIGHT / 2], color=colour, linewidth=4, zorder=1.5)
     axes.axvline(0, color=QUIET, linewidth=0.8)
+    label = "regret against the own designs [%]"
+    if largest > LINEAR_TO:
+        axes.set_xscale("symlog", linthresh=LINEAR_WITHIN, linscale=0.6)
+        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.set_xlim(smallest - 0.1 * LINEAR_WITHIN, 1.4 * largest)
+        label += f", logarithmic above {LINEAR_WITHIN:g} %"
     _name_methods(axes, names)
     axes.set_yticklabels([])
-    axes.set_xlabel("regret against the own designs [%]")
+    axes.set_xlabel(label)
     axes.set_title(f"{comparison.objective}: regret (bar: of the total, circles: of each task)")
 
 
