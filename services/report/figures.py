@@ -39,8 +39,8 @@ def write_figures(answers: Answers, folder: Path, kind: Format = "svg") -> list[
     Returns
     -------
     list of Path
-        motors (the design, drawn to scale), designs (spread over the tasks), totals (of several tasks), improvement (heat maps, for a
-        grid of tasks), motion-KKK-METHOD.
+        motors (the design, drawn to scale), designs (spread over the tasks), totals (of several tasks), improvement
+        (heat maps, for a grid of tasks), motion-KKK-METHOD.
     """
     folder.mkdir(parents=True, exist_ok=True)
     written = []
