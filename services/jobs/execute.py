@@ -27,7 +27,8 @@ def execute(work: Work, options: SolverOptions, progress: Progress) -> Outcome:
     problem = work.application.build_problem(work.spec.task_index, work.design)
     if work.references is not None:
         problem = with_references(problem, work.references)
-    return _outcome(solve(problem, work.start, options, progress))
+    # Cold: the dynamic guess beats the task's own motion as a start for other motors (docs/performance.md).
+    return _outcome(solve(problem, None, options, progress))
 
 
 def _outcome(solution: Solution) -> Outcome:

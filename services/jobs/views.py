@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter, defaultdict
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Engine, func, select
+from sqlalchemy import Engine, String, cast, func, select
 from sqlalchemy.orm import Session
 
 from services.jobs.plan import planned_jobs
@@ -73,7 +74,7 @@ def list_applications(
         if state is not None:
             statement = statement.where(Application.state == state)
         if tag is not None:
-            statement = statement.where(Application.tags.as_string().contains(f'"{tag}"', autoescape=True))
+            statement = statement.where(cast(Application.tags, String).contains(json.dumps(tag), autoescape=True))
         rows = list(session.scalars(statement))
     items = [
         wire.ApplicationItem(

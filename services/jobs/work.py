@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from sqlalchemy import Engine, select
 
-from services.codesign.solution import Start
 from services.codesign.solve import References
-from services.jobs.arrays import unpack_motion
 from services.jobs.claim import Claim
 from services.jobs.plan import JobSpec
 from services.jobs.resolved import ResolvedApplication
@@ -29,7 +27,6 @@ class Work:
     application: ResolvedApplication
     own_designs: dict[int, np.ndarray]  # reconcile: each solved task's design, (n, 7) m
     design: np.ndarray | None = None  # motions: the design given, (n, 7) m
-    start: Start | None = None  # motions: the task's own motion
     references: References | None = None  # motions of a weighted objective: those of the task's own solve
 
 
@@ -60,7 +57,6 @@ def load_work(engine: Engine, held: Claim) -> Work | None:
             resolved,
             own,
             design_array(design.content["design_mm"]),
-            _start(mine),
             _references(mine),
         )
 
@@ -68,13 +64,6 @@ def load_work(engine: Engine, held: Claim) -> Work | None:
 def design_array(design_mm: list[list[float]]) -> np.ndarray:
     """Design in mm, as stored -> shape (n, 7) in m."""
     return np.array(design_mm) * MILLIMETRE
-
-
-def _start(own: Result | None) -> Start | None:
-    if own is None or own.arrays is None:
-        return None
-    motion, design = unpack_motion(own.arrays)
-    return Start(motion, design)
 
 
 def _references(own: Result | None) -> References | None:
