@@ -1,0 +1,173 @@
+"""What is printed: progress as lines, tables with names that people gave, heat maps, exit codes."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from armature.cli import tables
+from armature.cli.exit_codes import exit_code_of
+from armature.cli.heat_map import heat_maps
+from armature.cli.reference import Reference
+from armature.progress import PlainProgress, current_stage, duration
+from shared.contracts.results import ApplicationStatus, ComparisonAnswer, MethodTotals, Regret, TaskResult
+from shared.domain import ApplicationState
+
+GRID = {"stroke": [0.2, 1.0], "payload_kg": [0.0, 4.0]}
+
+
+def console() -> tuple[Console, io.StringIO]:
+    """A console as it is on a pipe, and what is written to it."""
+    written = io.StringIO()
+    return Console(file=written, highlight=False, markup=False, width=100), written
+
+
+def status(done: int, *, state: str = "running", last: dict[str, Any] | None = None) -> ApplicationStatus:
+    """An application of four tasks, `done` of which have their co-design."""
+    stages = [
+        {"name": "codesign", "total": 4, "succeeded": done, "queued": 4 - done},
+        {"name": "reconcile", "total": 1},
+        {"name": "motions", "total": 4},
+    ]
+    return ApplicationStatus.model_validate(
+        {
+            "id": "abc",
+            "name": "grid",
+            "state": state,
+            "reason": None,
+            "cancel_requested": False,
+            "progress": {"stages": stages, "done": done, "total": 9, "eta_s": 120.0, "last": last, "best": last},
+            "objective": {"kind": "time"},
+            "method": "two_step",
+            "methods": ["two_step"],
+            "robot": "ur5",
+            "tasks": 4,
+            "grid": GRID,
+            "excluded_tasks": [],
+            "timings": {"solver_time_s": 0, "worker_time_s": 0, "wall_time_s": None},
+            "created_at": "2026-01-01T00:00:00+00:00",
+            "started_at": None,
+            "finished_at": "2026-01-01T00:01:00+00:00" if ApplicationState(state).final else None,
+            "tags": [],
+            "versions": {},
+        }
+    )
+
+
+def comparison(values: dict[str, list[float]], compared: list[int]) -> ComparisonAnswer:
+    """A comparison with these final times."""
+    own = values["own"]
+    return ComparisonAnswer.model_validate(
+        {
+            "objective": "time",
+            "unit": "s",
+            "tasks_compared": compared,
+            "task_names": [f"task {k} [of four]" for k in compared],
+            "grid": GRID,
+            "methods": {
+                name: MethodTotals(
+                    total_objective=sum(times),
+                    total_time_s=sum(times),
+                    total_energy_V2s=1.0,
+                    total_electrical_energy_J=1.0,
+                    total_copper_loss_J=1.0,
+                    per_task=[{"objective": time, "final_time_s": time} for time in times],
+                    design_mm=None,
+                )
+                for name, times in values.items()
+            },
+            "regret": {
+                name: Regret(total=sum(times) / sum(own) - 1, per_task=[0.0] * len(times))
+                for name, times in values.items()
+                if name != "own"
+            },
+            "missing": {},
+        }
+    )
+
+
+def test_lines_come_with_news_and_not_with_every_status() -> None:
+    out, written = console()
+    notes = iter(["compiling", None, None, None, None])
+    show = PlainProgress(out, lambda: next(notes), every_s=1000.0)
+    result = {"task": "t", "task_index": 0, "stage": "codesign", "method": "own", "value": 0.3094, "unit": "s"}
+    show(status(0))
+    show(status(0))  # the note has gone
+    show(status(1, last=result))  # only a count has changed: too soon
+    show(status(4, last=result))  # the next stage
+    show(status(4, state="cancelled"))
+    assert written.getvalue().splitlines() == [
+        "co-design, task by task: 0 of 4; compiling",
+        "co-design, task by task: 0 of 4; about 2 min left",
+        "one design for all tasks: 0 of 1; best 0.3094 s (t); last 0.3094 s (t); about 2 min left",
+        "cancelled",
+    ]
+
+
+def test_the_current_stage_is_the_first_unfinished_one() -> None:
+    stage = current_stage(status(4))
+    assert stage is not None
+    assert stage.name == "reconcile"
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(0.4, "0 s"), (89, "89 s"), (600, "10 min"), (7200, "2.0 h")])
+def test_durations(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
+
+
+def test_heat_map_has_a_row_a_stroke_and_leaves_out_what_failed() -> None:
+    """Task 3 = (stroke 1.0, 4 kg) has no value; the others: 10 percent saved, 20 lost, nothing."""
+    answer = comparison({"own": [1, 1, 1], "two_step": [0.9, 1.2, 1.0], "empirical": [1.0, 1.0, 1.0]}, [0, 1, 2])
+    ((title, table),) = heat_maps(answer)
+    assert title.startswith("two_step against empirical: time saved")
+    out, written = console()
+    out.print(table)
+    rows = [line.split() for line in written.getvalue().splitlines()]
+    assert rows[-2:] == [["0.2", "+10.0", "-20.0"], ["1", "+0.0", "-"]]
+
+
+def test_no_heat_map_without_a_grid() -> None:
+    answer = comparison({"own": [1], "two_step": [1], "empirical": [1]}, [0])
+    assert list(heat_maps(answer.model_copy(update={"grid": None}))) == []
+
+
+def test_a_difference_to_the_reference_is_shown_and_explained_above_one_percent() -> None:
+    reference = Reference(
+        source="elsewhere", unit="s", totals={"own": 2.0, "two_step": 2.0}, explanations={"two_step": "because"}
+    )
+    out, written = console()
+    tables.print_comparison(out, comparison({"own": [1, 1.01], "two_step": [1, 1.2]}, [0, 1]), reference)
+    lines = written.getvalue().splitlines()
+    assert next(line for line in lines if line.startswith("own")).split()[-2:] == ["2.0000", "+0.50"]
+    assert next(line for line in lines if line.startswith("two_step")).split()[-2:] == ["2.0000", "+10.00"]
+    explained = [line for line in lines if "differs from the reference" in line]
+    assert explained == ["two_step differs from the reference by more than 1 percent: because"]
+
+
+def test_a_better_method_is_named() -> None:
+    out, written = console()
+    answer = comparison({"own": [1, 1], "two_step": [1.1, 1.1], "worst_case": [1.0, 1.0]}, [0, 1])
+    tables.print_comparison(out, answer)
+    assert "worst_case does better than two_step here: with two_step the total is 10.00 percent higher" in (
+        written.getvalue()
+    )
+
+
+def test_names_with_brackets_are_printed_as_they_are() -> None:
+    """Rich would take them for its markup."""
+    out, written = console()
+    task = {"index": 0, "name": "[bold]pick[/]", "payload_kg": 0, "weight": 1, "state": "failed", "methods": {}}
+    answer = TaskResult.model_validate({**task, "reason": "too [far]"})
+    tables.print_tasks(out, [answer], ["two_step"], "time")
+    tables.print_failures(out, [answer], ["two_step"])
+    assert written.getvalue().count("[bold]pick[/]") == 2
+    assert "no motion at all, left out of the design: too [far]" in written.getvalue()
+
+
+def test_exit_codes_tell_every_end_apart() -> None:
+    codes = {exit_code_of(state) for state in ApplicationState if state.final}
+    assert len(codes) == 4
+    assert exit_code_of("succeeded") == 0
