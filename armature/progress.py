@@ -100,7 +100,7 @@ def _bars(status: ApplicationStatus, note: str | None, spinner: Spinner) -> Grou
     for stage in status.progress.stages:
         busy = now is stage and status.finished_at is None
         mark = spinner if busy else Text("✓", "green") if done(stage) >= stage.total else Text(" ")
-        bar = ProgressBar(total=stage.total, completed=done(stage), width=BAR_WIDTH)
+        bar = ProgressBar(stage.total, done(stage), width=BAR_WIDTH, complete_style="cyan", finished_style="green")
         table.add_row(mark, STAGES[stage.name], bar, _counts(stage))
     remarks = Text("   " + " · ".join(_remarks(status, note)), "dim", no_wrap=True, overflow="ellipsis")
     return Group(table, remarks)
