@@ -1,4 +1,4 @@
-"""Box-and-whisker charts of the tasks' own designs, one box a motor  (Fig. 4)."""
+"""Box-and-whisker charts of the tasks' own designs, one box a motor  (Fig. 6)."""
 
 from __future__ import annotations
 
@@ -15,10 +15,9 @@ from matplotlib.patches import Patch
 
 from services.codesign.motor_data import DIMENSIONS, MotorData
 from services.report.style import (
-    BLUE,
+    CHOSEN,
     DIMENSION_NAMES,
     DIMENSION_SYMBOLS,
-    GREEN,
     INK,
     OBJECTIVE_COLOURS,
     ORANGE,
@@ -38,6 +37,7 @@ PANEL_WIDTH, PANEL_HEIGHT = 3.4, 2.5  # inches
 MARGIN_OF_VIEW = 0.08
 """Share of the data's range that is left free above and below."""
 MOST_COLUMNS = 4
+LEGEND_HANDLE, LEGEND_LETTER = 0.6, 0.07  # inches
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def design_boxes(
 def overlaid_design_boxes(
     applications: Mapping[str, DesignsAnswer], motor: MotorData, dimensions: Sequence[str] = PAPER_DIMENSIONS
 ) -> Figure:
-    """Two applications side by side in each panel: the paper's Fig. 4, time in red, energy in blue.
+    """Two applications side by side in each panel: the paper's Fig. 6, time in red, energy in blue.
 
     Parameters
     ----------
@@ -133,10 +133,10 @@ def _shared(design: SharedDesign | None) -> npt.NDArray[np.float64] | None:
 def _marks(designs: DesignsAnswer, method: str) -> list[MarkedDesign]:
     """Each design once: a chosen design that is also the worst case's is drawn as the chosen one."""
     found = [
-        ("mean", "_", BLUE, _shared(designs.mean), 0.0),
+        ("mean", "_", INK, _shared(designs.mean), 0.0),
         ("empirical", "^", ORANGE, _shared(designs.methods.get("empirical")) if method != "empirical" else None, -0.17),
         ("worst case", "o", RED, _shared(designs.methods.get("worst_case")) if method != "worst_case" else None, 0.17),
-        (f"chosen: {method_name(method)}", "D", GREEN, _shared(designs.methods.get(method)), 0.0),
+        (f"chosen: {method_name(method)}", "D", CHOSEN, _shared(designs.methods.get(method)), 0.0),
     ]
     return [
         MarkedDesign(name, form, colour, rows, shift) for name, form, colour, rows, shift in found if rows is not None
@@ -211,7 +211,13 @@ def _finish(axes: Axes, name: str, motor: MotorData, joints: int) -> None:
 
 def _legend(figure: Figure, handles: Sequence[Line2D | Patch]) -> None:
     bound = Line2D([], [], color=QUIET, linewidth=0.8, linestyle=(0, (4, 3)), label="bound")
-    figure.legend(handles=[*handles, bound], loc="outside lower center", ncols=min(6, len(handles) + 1))
+    figure.legend(handles=[*handles, bound], loc="outside lower center", ncols=_columns(figure, [*handles, bound]))
+
+
+def _columns(figure: Figure, handles: Sequence[Line2D | Patch]) -> int:
+    """As many as the figure's width takes."""
+    longest = max(len(str(handle.get_label())) for handle in handles)
+    return max(1, min(len(handles), int(figure.get_figwidth() / (LEGEND_HANDLE + LEGEND_LETTER * longest))))
 
 
 def _pale(colour: str) -> tuple[float, float, float]:

@@ -1,4 +1,4 @@
-"""Heat maps over strokes and payloads: how much the application's method improves on each other one  (Figs. 2, 3)."""
+"""Heat maps over strokes and payloads: how much the application's method improves on each other one  (Figs. 4, 5)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from shared.contracts.results import ComparisonAnswer, TaskList, TaskResult
 CELL_WIDTH, CELL_HEIGHT = 0.6, 0.42  # inches
 FULL_COLOUR_PERCENT = 20.0
 """Colours are full from here on: the same in every figure, so that figures may be compared. The numbers go on."""
-DARK_CELL = 0.45
+DARK_CELL = 0.53
 """Numbers are white on cells that are darker than this (relative luminance)."""
 
 

@@ -22,8 +22,11 @@ FAINT: Final = "#d9d9d9"
 OUTSIDE: Final = "#f1f1f1"
 """Where nothing may be: beyond a bound or a limit."""
 
-RED, BLUE, GREEN, ORANGE, PURPLE = "#c8361d", "#0072b2", "#00795c", "#d98200", "#8f4a8b"
+RED, BLUE, ORANGE, PURPLE = "#c8361d", "#0072b2", "#d98200", "#8f4a8b"
 """After Okabe and Ito, darkened for lines on white; told apart with every common colour vision."""
+
+CHOSEN: Final = BLUE
+"""The application's method among others. Not green: it need not be the better one."""
 
 OBJECTIVE_COLOURS: Final[Mapping[str, str]] = {"time": RED, "energy": BLUE, "weighted": PURPLE}
 """The paper's: time-optimal red, energy-optimal blue."""

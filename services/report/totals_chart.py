@@ -10,7 +10,7 @@ from matplotlib.ticker import StrMethodFormatter
 
 from services.codesign.comparison import OWN
 from services.report.heat_map import signed
-from services.report.style import GREEN, INK, QUIET, light_grid, method_name, new_figure
+from services.report.style import CHOSEN, INK, QUIET, light_grid, method_name, new_figure
 from shared.contracts.results import ComparisonAnswer
 
 BAR_HEIGHT = 0.62
@@ -46,7 +46,7 @@ def totals_chart(comparisons: Sequence[ComparisonAnswer], method: str) -> Figure
 
 def _totals(axes: Axes, comparison: ComparisonAnswer, names: list[str], method: str) -> None:
     values = [comparison.methods[name].total_objective for name in names]
-    colours = [OWN_COLOUR if name == OWN else GREEN if name == method else OTHER for name in names]
+    colours = [OWN_COLOUR if name == OWN else CHOSEN if name == method else OTHER for name in names]
     axes.barh(range(len(names)), values, BAR_HEIGHT, color=colours)
     for k, (name, value) in enumerate(zip(names, values, strict=True)):
         regret = comparison.regret[name].total if name in comparison.regret else None
@@ -71,7 +71,7 @@ def _regret(axes: Axes, comparison: ComparisonAnswer, names: list[str], method: 
         tasks = [100 * value for value in comparison.regret[name].per_task if value is not None]
         smallest, largest = min(smallest, *tasks), max(largest, *tasks)
         axes.plot(tasks, [k] * len(tasks), "o", markersize=4.5, markerfacecolor="none", markeredgecolor=INK, alpha=0.7)
-        colour = GREEN if name == method else OTHER
+        colour = CHOSEN if name == method else OTHER
         axes.plot([100 * total] * 2, [k - BAR_HEIGHT / 2, k + BAR_HEIGHT / 2], color=colour, linewidth=4, zorder=1.5)
     axes.axvline(0, color=QUIET, linewidth=0.8)
     label = "regret against the own designs [%]"
