@@ -30,6 +30,8 @@ class Settings(BaseSettings):
     """How often a worker renews its lease."""
     cancel_poll_s: float = Field(1.0, gt=0)
     """How often a worker looks whether its job was cancelled."""
+    drain_s: float = Field(20.0, ge=0)
+    """How long a worker that is told to end lets its solves go on before it gives the jobs back."""
     max_attempts: int = Field(3, ge=1)
     """After how many lost workers a job is dead."""
     relay_poll_s: float = Field(0.05, gt=0)

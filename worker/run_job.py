@@ -12,11 +12,12 @@ from sqlalchemy import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from services.codesign.solver import IterationReport, SolverOptions
-from services.jobs.claim import Claim, cancel_requested, claim, renew
+from services.jobs.claim import Claim, cancel_requested, claim, release, renew
 from services.jobs.execute import execute
 from services.jobs.finish import finish
 from services.jobs.work import load_work
 from shared.settings import Settings
+from worker.drain import drained
 
 log = structlog.get_logger()
 
@@ -40,6 +41,9 @@ def run_job(engine: Engine, settings: Settings, job_id: str) -> None:
     with Heartbeat(engine, settings, held) as heartbeat:
         options = SolverOptions(max_wall_time=settings.solve_time_limit_s)
         outcome = execute(work, options, heartbeat.should_stop)
+    if heartbeat.gave_up:
+        logger.info("job given back", accepted=release(engine, held))
+        return
     accepted = finish(engine, held, outcome)
     logger.info("job finished", state=outcome.state, value=outcome.value, reason=outcome.reason, accepted=accepted)
 
@@ -54,6 +58,8 @@ class Heartbeat:
     engine: Engine
     settings: Settings
     held: Claim
+    gave_up: bool = False
+    """Whether the solve was stopped because the worker shuts down, and for no other reason."""
     _stop: threading.Event = field(default_factory=threading.Event)
     _done: threading.Event = field(default_factory=threading.Event)
 
@@ -68,7 +74,9 @@ class Heartbeat:
 
     def should_stop(self, _report: IterationReport) -> bool:
         """For the solver."""
-        return self._stop.is_set()
+        if not self._stop.is_set() and drained():
+            self.gave_up = True
+        return self._stop.is_set() or self.gave_up
 
     def _beat(self) -> None:
         waited = 0.0

@@ -6,7 +6,7 @@ from itertools import groupby
 
 from sqlalchemy import Engine, delete, select
 
-from services.jobs.store import lock_application, settle
+from services.jobs.store import CANCELLED, lock_application, settle
 from shared.db.engine import transaction
 from shared.db.tables import Application, Job
 from shared.domain import ApplicationState, JobState
@@ -28,7 +28,7 @@ def cancel(engine: Engine, application_id: str) -> bool:
             .with_for_update()
         ).all()
         for _, jobs in groupby(queued, key=lambda job: job.stage):
-            settle(session, application, list(jobs), JobState.CANCELLED, "cancelled by request")
+            settle(session, application, list(jobs), JobState.CANCELLED, CANCELLED)
         return True
 
 

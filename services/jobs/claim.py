@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from sqlalchemy import Engine, select, update
 
 from services.jobs.plan import JobSpec
-from services.jobs.store import lock_application, record_transition, silence
+from services.jobs.store import CANCELLED, lock_application, record_transition, requeue, settle, silence
 from shared.db.clock import now
 from shared.db.engine import reading, transaction
 from shared.db.tables import Application, Job
@@ -41,9 +41,9 @@ def claim(engine: Engine, job_id: str, worker: str, lease_s: float) -> Claim | N
         job = session.get(Job, job_id, populate_existing=True)
         if application is None or job is None or job.state != JobState.QUEUED:
             return None
+        job.token, job.attempts = job.token + 1, job.attempts + 1
         record_transition(session, job, JobState.RUNNING, worker)
         job.state, job.worker, job.lease_until = JobState.RUNNING, worker, now() + lease_s
-        job.token, job.attempts = job.token + 1, job.attempts + 1
         if job.started_at is None:
             job.started_at = now()
         if application.state == ApplicationState.QUEUED:
@@ -79,3 +79,18 @@ def cancel_requested(engine: Engine, held: Claim) -> bool:
     with reading(engine) as session:
         flag = session.scalar(select(Application.cancel_requested).where(Application.id == held.application_id))
     return flag is None or flag
+
+
+def release(engine: Engine, held: Claim) -> bool:
+    """Give a job back unfinished, without counting the attempt; False when the lease was lost meanwhile."""
+    with transaction(engine) as session:
+        application = lock_application(session, held.application_id)
+        job = session.get(Job, held.job_id, populate_existing=True)
+        if application is None or job is None or job.token != held.token or job.state != JobState.RUNNING:
+            return False
+        job.attempts -= 1
+        if application.cancel_requested:
+            settle(session, application, [job], JobState.CANCELLED, CANCELLED)
+        else:
+            requeue(session, job)
+        return True

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from sqlalchemy import select, update
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import Session, defer
 
 from services.jobs.plan import Done, JobSpec, NextStage, Progress, plan_next
 from services.jobs.resolved import ResolvedApplication
@@ -17,6 +17,9 @@ from shared.db.clock import now
 from shared.db.tables import Application, Design, Job, JobTransition, Outbox, Result, Stage
 from shared.domain import TRANSITIONS, ApplicationState, JobState, new_id
 from shared.domain import Stage as StageName
+
+CANCELLED = "cancelled by request"
+"""Reason of a cancelled job."""
 
 
 def lock_application(session: Session, application_id: str) -> Application | None:
@@ -92,6 +95,14 @@ def settle(
         _advance(session, application, stage)
 
 
+def requeue(session: Session, job: Job) -> None:
+    """Put a running job back into the queue, with a message."""
+    record_transition(session, job, JobState.QUEUED)
+    job.state, job.lease_until = JobState.QUEUED, None
+    session.flush()
+    session.execute(update(Outbox).where(Outbox.job_id == job.id).values(due_at=now(), sent=0))
+
+
 def silence(session: Session, job_ids: Sequence[str]) -> None:
     """These jobs need no message any more."""
     session.execute(
@@ -140,8 +151,6 @@ def progress_of(
 
 def results_of(session: Session, application: Application, stage: StageName) -> list[Result]:
     """Results of a stage in the current generation, by task, without their arrays."""
-    from sqlalchemy.orm import defer
-
     statement = (
         select(Result)
         .where(

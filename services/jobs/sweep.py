@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from sqlalchemy import Engine, select, update
+from sqlalchemy import Engine, select
 
-from services.jobs.store import lock_application, record_transition, settle
+from services.jobs.store import CANCELLED, lock_application, requeue, settle
 from shared.db.clock import now
 from shared.db.engine import reading, transaction
-from shared.db.tables import Job, Outbox
+from shared.db.tables import Job
 from shared.domain import JobState
 
 BATCH = 200
@@ -33,13 +33,10 @@ def _recover(engine: Engine, job_id: str, application_id: str, max_attempts: int
         if application is None or job is None:
             return False
         if application.cancel_requested:
-            settle(session, application, [job], JobState.CANCELLED, "cancelled by request")
+            settle(session, application, [job], JobState.CANCELLED, CANCELLED)
         elif job.attempts >= max_attempts:
             reason = f"its worker was lost {job.attempts} times"
             settle(session, application, [job], JobState.DEAD, reason)
         else:
-            record_transition(session, job, JobState.QUEUED)
-            job.state, job.lease_until = JobState.QUEUED, None
-            session.flush()
-            session.execute(update(Outbox).where(Outbox.job_id == job_id).values(due_at=now(), sent=0))
+            requeue(session, job)
         return True

@@ -11,7 +11,7 @@ from sqlalchemy import Engine, func, select, text
 
 from services.jobs import views
 from services.jobs.cancel import cancel, delete_application
-from services.jobs.claim import Claim, claim, renew
+from services.jobs.claim import Claim, claim, release, renew
 from services.jobs.finish import Outcome, finish
 from services.jobs.outbox import relay
 from services.jobs.submit import IdempotencyConflictError, submit
@@ -321,3 +321,30 @@ def test_a_crash_between_publish_and_mark_doubles_and_loses_nothing(engine: Engi
     assert relay(engine, sent.append, 30.0) == 3
     assert Counter(sent).most_common()[-1][1] >= 1
     assert set(sent) == set(queued(engine))
+
+
+def test_a_job_given_back_counts_no_attempt_and_is_sent_again(engine: Engine, settings: Settings) -> None:
+    application_id, _ = submit(engine, settings, application())
+    sent: list[str] = []
+    relay(engine, sent.append, 30.0)
+    held = take(engine)
+    assert release(engine, held)
+    assert not release(engine, held)
+    assert relay(engine, sent.append, 30.0) == 1
+    assert sent[-1] == held.job_id
+    again = claim(engine, held.job_id, "worker", LONG_LEASE_S)
+    assert again is not None
+    assert again.token == held.token + 1
+    assert rows(engine, select(Job.attempts).where(Job.id == held.job_id))[0].attempts == 1
+    assert finish(engine, again, outcome_of(again))
+    drain(engine)
+    assert_history_is_sound(engine, application_id)
+
+
+def test_a_job_given_back_after_a_cancel_is_cancelled(engine: Engine, settings: Settings) -> None:
+    application_id, _ = submit(engine, settings, application())
+    held = take(engine)
+    cancel(engine, application_id)
+    assert release(engine, held)
+    assert state_of(engine, application_id)[0] == ApplicationState.CANCELLED
+    assert_history_is_sound(engine, application_id)
