@@ -32,10 +32,10 @@ OBJECTIVE_COLOURS: Final[Mapping[str, str]] = {"time": RED, "energy": BLUE, "wei
 """The paper's: time-optimal red, energy-optimal blue."""
 
 IMPROVEMENT: Final = LinearSegmentedColormap.from_list(
-    "improvement", ["#a3204f", "#e9a3bd", "#fbfbf8", "#8ccbb1", "#00664d"]
+    "improvement", ["#a0105e", "#e79ac4", "#fbfbf8", "#a3cc6a", "#3d7a12"]
 )
-"""Worse (red) to better (green). The red leans to blue and the green too, so that red-green blindness sees pink and
-grey-green; the sign of the number says it without colour."""
+"""Worse (red) to better (green). The red leans to blue and the green to yellow, which colour blindness leaves apart;
+the sign of the number says it without colour."""
 
 METHOD_NAMES: Final[Mapping[str, str]] = {
     "own": "own design per task",
