@@ -13,6 +13,7 @@ from fastapi.responses import JSONResponse
 from sqlalchemy.exc import OperationalError
 from starlette.exceptions import HTTPException
 
+from services.jobs.retry import NotRetryableError
 from services.jobs.submit import IdempotencyConflictError
 from services.jobs.views import NotFoundError
 from shared.contracts.errors import FieldError, InvalidInputError, field_errors
@@ -64,7 +65,8 @@ def install_error_handlers(app: FastAPI) -> None:
         return problem(404, str(error))
 
     @app.exception_handler(IdempotencyConflictError)
-    async def _conflict(_request: Request, error: IdempotencyConflictError) -> JSONResponse:
+    @app.exception_handler(NotRetryableError)
+    async def _conflict(_request: Request, error: Exception) -> JSONResponse:
         return problem(409, str(error))
 
     @app.exception_handler(HTTPException)

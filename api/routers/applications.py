@@ -10,6 +10,7 @@ from fastapi import APIRouter, Header, Query, Request, Response
 from api.context import Ctx
 from services.jobs import views
 from services.jobs.cancel import cancel, delete_application
+from services.jobs.retry import retry
 from services.jobs.submit import submit
 from services.jobs.views import NotFoundError
 from shared.contracts.application import ApplicationRequest
@@ -67,6 +68,14 @@ def get_application(application_id: str, request: Request, response: Response, c
 def cancel_application(application_id: str, ctx: Ctx) -> ApplicationStatus:
     """Cancel: queued jobs at once, running ones within a second or two. What is final stays as it is."""
     if not cancel(ctx.engine, application_id):
+        raise NotFoundError(f"there is no application {application_id}")
+    return views.status(ctx.engine, application_id)
+
+
+@router.post("/{application_id}/retry", status_code=202)
+def retry_application(application_id: str, ctx: Ctx) -> ApplicationStatus:
+    """Do again what failed, died or was cancelled, and what depends on it; results that stay valid are kept."""
+    if not retry(ctx.engine, application_id):
         raise NotFoundError(f"there is no application {application_id}")
     return views.status(ctx.engine, application_id)
 
