@@ -17,6 +17,7 @@ from services.codesign.motor_data import DIMENSIONS
 from services.report.answers import Answers, read_answers
 from services.report.box_chart import design_boxes, overlaid_design_boxes
 from services.report.cross_section import motor_drawings
+from services.report.dimension_key import dimension_key
 from services.report.heat_map import improvement_maps
 from services.report.motion_chart import motion_chart
 from services.report.motion_limits import motion_limits
@@ -26,6 +27,8 @@ from shared.contracts.results import ComparisonAnswer, DesignAnswer, DesignsAnsw
 
 IMAGES = Path(__file__).parent / "images"
 METHOD = "two_step"
+TABLE_I_MM = (20, 18, 30, 3, 5, 7, 2)
+"""The paper's example of a motor."""
 
 
 def main(time_folder: Path, energy_folder: Path) -> None:
@@ -48,6 +51,7 @@ def draw(time: Answers, energy: Answers) -> dict[str, Figure]:
     result = time.tasks.items[motion.task].methods[motion.method]
     limits = motion_limits(motion, result, time.robot)
     return {
+        "dimensions": dimension_key(TABLE_I_MM, time.motor),
         "motors-time": motor_drawings(design_of(time), time.motor),
         "motors-energy": motor_drawings(design_of(energy), energy.motor),
         "improvement": improvement_maps(both, METHOD),

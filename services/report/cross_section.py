@@ -99,7 +99,7 @@ def motor_drawings(design: DesignAnswer, motor: MotorData) -> Figure:
     top = middle - scale * widest - BETWEEN
     for x, section, sheet in zip(columns, sections, design.motors, strict=True):
         axes.text(x, height - HEAD / 2, f"motor {sheet['joint']}", ha="center", va="center", fontsize=10, weight="bold")
-        _across(Pen(axes, scale, x, middle), section)
+        draw_across(Pen(axes, scale, x, middle), section)
         _along(Pen(axes, scale, x, top), section)
     axes.text(MARGIN, middle, "across the axis", va="center", color=QUIET)
     axes.text(MARGIN, top, "along the axis", va="top", color=QUIET)
@@ -119,7 +119,8 @@ def _check_constants(design: DesignAnswer, sections: Sequence[MotorSection]) -> 
             )
 
 
-def _across(pen: Pen, section: MotorSection) -> None:
+def draw_across(pen: Pen, section: MotorSection) -> None:
+    """The cross-section around the pen's point."""
     pen.circle(section.stator_radius, STATOR_IRON)
     pen.outlines(section.slots, COPPER)
     pen.outlines(section.openings, AIR)

@@ -14,16 +14,17 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.patches import Circle, Rectangle
 
-from services.codesign.motor_data import MotorData
+from services.codesign.motor_data import DIMENSIONS, MotorData
 from services.jobs.results import CONTROL
 from services.report.answers import read_answers
 from services.report.box_chart import design_boxes, overlaid_design_boxes
 from services.report.cross_section import motor_drawings
+from services.report.dimension_key import dimension_key
 from services.report.figures import write_figures
 from services.report.heat_map import improvement_maps, improvement_percent
 from services.report.motion_chart import HELD, motion_chart
 from services.report.motion_limits import motion_limits
-from services.report.style import Format, style
+from services.report.style import DIMENSION_SYMBOLS, Format, style
 from services.report.totals_chart import totals_chart
 from tests.report import answers as made_up
 
@@ -130,6 +131,14 @@ def test_motors_are_drawn_to_one_scale() -> None:
     lengths = [patch.get_height() / scale for patch in axes.patches if isinstance(patch, Rectangle)]
     assert lengths == pytest.approx([20] * 5 + [40] * 5)
     assert {"20.00", "40.00", "18.00", "0.45"} <= set(texts(axes))  # 0.45 kg: Table I's motor
+
+
+def test_key_names_each_length_and_its_value() -> None:
+    (axes,) = dimension_key(made_up.TABLE_I_MM, made_up.MOTOR).axes
+    written = texts(axes)
+    for name, value in zip(DIMENSIONS, made_up.TABLE_I_MM, strict=True):
+        assert DIMENSION_SYMBOLS[name] in written
+        assert f"{value:g}" in written
 
 
 def test_motors_of_another_winding_are_not_drawn() -> None:
