@@ -24,6 +24,9 @@ from shared.settings import Settings
 
 LOOPBACK = "127.0.0.1"
 START_TIMEOUT_S = 60.0
+KILL_AFTER_S = 5.0
+"""Added to the drain before a process that has not ended is killed. Jobs it held are taken up again when their leases
+have run out."""
 LAST_WORDS_LINES = 15
 LARGEST_LOG_BYTES = 10_000_000
 
@@ -42,15 +45,14 @@ class Place:
         Of the API; port 0 takes a free one.
     workers
         Solver processes.
-    grace_s
-        From the request to stop until a process that still works is killed [s]. Its jobs are taken up again by the
-        next worker, when their leases have run out.
+    drain_s
+        How long solves go on when the service is told to stop, before the worker gives their jobs back [s].
     """
 
     host: str = LOOPBACK
     port: int = 0
     workers: int = 1
-    grace_s: float = 10.0
+    drain_s: float = 1.0
 
 
 @dataclass
@@ -147,7 +149,7 @@ def _specs(place: Place, port: int, logs: Path) -> list[ProcessSpec]:
         "api": ["api.main", "--host", place.host, "--port", str(port)],
     }
     return [
-        ProcessSpec(name, [sys.executable, "-m", *module], str(logs / f"{name}.log"), place.grace_s)
+        ProcessSpec(name, [sys.executable, "-m", *module], str(logs / f"{name}.log"), place.drain_s + KILL_AFTER_S)
         for name, module in modules.items()
     ]
 
@@ -177,6 +179,7 @@ def _environment(settings: Settings, place: Place) -> Mapping[str, str]:
         "ARMATURE_DATABASE_URL": settings.database_url,
         "ARMATURE_BROKER_URL": settings.broker_url,
         "ARMATURE_WORKERS": str(place.workers),
+        "ARMATURE_DRAIN_S": str(place.drain_s),
     }
 
 

@@ -29,9 +29,6 @@ POLL_S = 0.25
 CANCEL_PATIENCE_S = 5.0
 """How long an interrupted `run` waits for its solves to stop before it stops the worker."""
 
-RUN_GRACE_S = 5.0
-UP_GRACE_S = 10.0
-
 Workers = Annotated[
     int | None, typer.Option(min=1, help="Solver processes; default: ARMATURE_WORKERS, or one for each core.")
 ]
@@ -52,7 +49,7 @@ def run(
     request, reference = read_application(file), reference_beside(file)
     settings = Settings()
     console = messages()
-    place = Place(workers=workers or settings.workers, grace_s=RUN_GRACE_S)
+    place = Place(workers=workers or settings.workers)
     with _started(console, settings, place) as service, Client(service.url) as client:
         application, status = _submit_and_wait(console, client, service, settings, request)
         folder = save_results(application, out, request)
@@ -78,7 +75,7 @@ def up(
     """
     interrupt_on_signals()
     settings = Settings()
-    place = Place(host, port, workers or settings.workers, UP_GRACE_S)
+    place = Place(host, port, workers or settings.workers, settings.drain_s)
     console = messages()
     with _started(console, settings, place) as service:
         output().print(f"Armature listens on {service.url} with {place.workers} solver processes", soft_wrap=True)
@@ -89,7 +86,7 @@ def up(
                 service.check()
                 time.sleep(POLL_S)
         except KeyboardInterrupt:
-            console.print("\nstopping; solves at hand may take a moment (Ctrl-C again: at once)")
+            console.print(f"\nstopping; solves at hand get {settings.drain_s:g} s (Ctrl-C again: at once)")
             raise
 
 
