@@ -14,7 +14,7 @@ import platform
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -100,13 +100,20 @@ def load_kernels(robot: Robot, layout: IntervalLayout, cache: Path | None = None
 
 
 def _load(robot: Robot, layout: IntervalLayout, library: Path) -> Kernels:
-    if not library.exists():
-        if (compiler := _compiler()) is None:
-            return _virtual_machine(robot, layout)
-        with _build_lock(library):
-            if not library.exists():
-                _compile(_functions(robot, layout), compiler, library)
-    return _external(library)
+    built = build_library(library, lambda: _functions(robot, layout))
+    return _external(library) if built else _virtual_machine(robot, layout)
+
+
+def build_library(library: Path, functions: Callable[[], dict[str, ca.Function]]) -> bool:
+    """Compile functions into a shared library, unless it is there; False where there is no compiler."""
+    if library.exists():
+        return True
+    if (compiler := _compiler()) is None:
+        return False
+    with _build_lock(library):
+        if not library.exists():
+            _compile(functions(), compiler, library)
+    return True
 
 
 @contextmanager
@@ -131,10 +138,15 @@ def being_built(cache: Path) -> bool:
 
 def cache_key(robot: Robot, layout: IntervalLayout) -> str:
     """Hash of everything that shapes the code: arm, layout, model sources, CasADi, compiler flags, machine."""
-    sources = [(Path(__file__).parent / name).read_text() for name in _SHAPING_SOURCES]
+    return library_key(robot, asdict(layout), _SHAPING_SOURCES)
+
+
+def library_key(robot: Robot, form: Any, modules: Iterable[str]) -> str:
+    """Hash of an arm's numbers, a form (JSON), the sources of modules beside this one, CasADi and the compiler."""
+    sources = [(Path(__file__).parent / name).read_text() for name in modules]
     shape = [
         _shaping_numbers(robot),
-        asdict(layout),
+        form,
         ca.CasadiMeta.version(),
         COMPILER_FLAGS,
         platform.machine(),
