@@ -17,6 +17,7 @@ from shared.contracts.application import GridRequest
 from shared.contracts.results import ComparisonAnswer, TaskList, TaskResult
 
 CELL_WIDTH, CELL_HEIGHT = 0.6, 0.42  # inches
+NARROWEST, LOWEST = 3.0, 1.7  # inches: room for a title, and beside the colours for their label
 FULL_COLOUR_PERCENT = 20.0
 """Colours are full from here on: the same in every figure, so that figures may be compared. The numbers go on."""
 DARK_CELL = 0.53
@@ -63,8 +64,8 @@ def improvement_maps(applications: Sequence[tuple[ComparisonAnswer, TaskList]], 
         raise ValueError(f"there is no method to compare {method} with")
     grid = _grid(applications[0][0])
     figure = new_figure(
-        columns * (CELL_WIDTH * len(grid.stroke) + 0.7) + 0.9,
-        len(applications) * (CELL_HEIGHT * len(grid.payload_kg) + 0.8),
+        columns * (max(NARROWEST, CELL_WIDTH * len(grid.stroke)) + 0.7) + 0.9,
+        len(applications) * (max(LOWEST, CELL_HEIGHT * len(grid.payload_kg)) + 0.8),
     )
     panels = figure.subplots(len(applications), columns, squeeze=False)
     for (comparison, tasks), row in zip(applications, panels, strict=True):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -115,4 +116,6 @@ def _draw(axes: Axes, row: _Row, joint: int, time: npt.NDArray[np.float64]) -> N
     bottom, top = axes.get_ylim()
     if not (bottom <= low and high <= top):
         note = f"limit ±{high:.3g}" if low == -high else f"limits {low:.3g}, {high:.3g}".replace("-", "−")
-        axes.annotate(note, (0.97, 0.93), xycoords="axes fraction", ha="right", va="top", fontsize=6.5, color=QUIET)
+        place: dict[str, Any] = {"xycoords": "axes fraction", "ha": "right", "va": "top"}
+        box = {"facecolor": "white", "edgecolor": "none", "pad": 1, "alpha": 0.8}
+        axes.annotate(note, (0.97, 0.95), **place, fontsize=6.5, color=QUIET, bbox=box)
