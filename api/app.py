@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.metadata import version
 
-import structlog
-from fastapi import FastAPI, Request, Response
+from fastapi import FastAPI
+from starlette.middleware.body_limit import RequestBodyLimitMiddleware
 
 from api.context import Context
 from api.errors import install_error_handlers
-from api.limits import BodyLimit
-from api.routers import applications, health, results, robots
+from api.request_log import RequestLog
+from api.routers import applications, events, health, results, robots
+from api.too_large import TooLarge
 from shared.db.engine import make_engine
 from shared.dispatch.broker import celery_app
-from shared.domain import new_id
 from shared.settings import Settings
-
-log = structlog.get_logger()
 
 DESCRIPTION = """Co-design of robot-arm motors and motions: submit an application (tasks for an arm, an objective),
 poll it, fetch its design. Every quantity carries its unit in its name."""
@@ -46,19 +43,10 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     app.state.context = context
     install_error_handlers(app)
-    app.middleware("http")(_log_requests)
-    app.add_middleware(BodyLimit, most=settings.max_body_bytes)
-    for router in (applications.router, results.router, robots.router, health.router):
+    # From the inside out.
+    app.add_middleware(RequestBodyLimitMiddleware, max_body_size=settings.max_body_bytes)
+    app.add_middleware(TooLarge, most=settings.max_body_bytes)
+    app.add_middleware(RequestLog)
+    for router in (applications.router, events.router, results.router, robots.router, health.router):
         app.include_router(router)
     return app
-
-
-async def _log_requests(request: Request, call_next: Callable[[Request], Awaitable[Response]]) -> Response:
-    """One line a request, with an id that the answer carries too."""
-    request_id, began = new_id(), time.perf_counter()
-    with structlog.contextvars.bound_contextvars(request=request_id):
-        response = await call_next(request)
-        milliseconds = round(1e3 * (time.perf_counter() - began), 1)
-        log.info("request", method=request.method, path=request.url.path, status=response.status_code, ms=milliseconds)
-    response.headers["X-Request-Id"] = request_id
-    return response

@@ -12,7 +12,7 @@ from sqlalchemy import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from services.codesign.solver import IterationReport, SolverOptions
-from services.jobs.claim import Claim, cancel_requested, claim, release, renew
+from services.jobs.claim import Claim, cancel_requested, claim, release, renew, report
 from services.jobs.execute import execute
 from services.jobs.finish import finish
 from services.jobs.work import load_work
@@ -50,7 +50,7 @@ def run_job(engine: Engine, settings: Settings, job_id: str) -> None:
 
 @dataclass
 class Heartbeat:
-    """A thread that renews the lease and looks for a cancel; the solver reads the result between iterations.
+    """A thread that renews the lease, looks for a cancel and reports iterations; the solver reads the result.
 
     The solver holds no lock of the interpreter while it factorises, so the thread lives (DESIGN: measured).
     """
@@ -60,6 +60,7 @@ class Heartbeat:
     held: Claim
     gave_up: bool = False
     """Whether the solve was stopped because the worker shuts down, and for no other reason."""
+    _latest: IterationReport | None = None
     _stop: threading.Event = field(default_factory=threading.Event)
     _done: threading.Event = field(default_factory=threading.Event)
 
@@ -72,8 +73,9 @@ class Heartbeat:
         self._done.set()
         self._thread.join()
 
-    def should_stop(self, _report: IterationReport) -> bool:
+    def should_stop(self, iteration: IterationReport) -> bool:
         """For the solver."""
+        self._latest = iteration
         if not self._stop.is_set() and drained():
             self.gave_up = True
         return self._stop.is_set() or self.gave_up
@@ -90,5 +92,8 @@ class Heartbeat:
                         self._stop.set()
                 elif cancel_requested(self.engine, self.held):
                     self._stop.set()
+                if self._latest is not None:
+                    iteration, self._latest = self._latest, None
+                    report(self.engine, self.held, iteration)
             except SQLAlchemyError as error:  # the database is away for a while: keep solving, the lease decides
                 log.warning("heartbeat failed", job=self.held.job_id, error=str(error))

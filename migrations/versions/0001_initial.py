@@ -23,6 +23,7 @@ def upgrade() -> None:
         sa.Column("state", sa.String(length=32), nullable=False),
         sa.Column("generation", sa.Integer(), nullable=False),
         sa.Column("cancel_requested", sa.Boolean(), nullable=False),
+        sa.Column("last_event", sa.Integer(), nullable=False),
         sa.Column("request", sa.JSON(), nullable=False),
         sa.Column("resolved", sa.JSON(), nullable=False),
         sa.Column("versions", sa.JSON(), nullable=False),
@@ -60,6 +61,21 @@ def upgrade() -> None:
             ondelete="CASCADE",
         ),
         sa.PrimaryKeyConstraint("application_id", "generation", "kind", name=op.f("pk_designs")),
+    )
+    op.create_table(
+        "events",
+        sa.Column("application_id", sa.String(length=32), nullable=False),
+        sa.Column("number", sa.Integer(), nullable=False),
+        sa.Column("kind", sa.String(length=32), nullable=False),
+        sa.Column("content", sa.JSON(), nullable=False),
+        sa.Column("at", sa.Float(precision=53), nullable=False),
+        sa.ForeignKeyConstraint(
+            ["application_id"],
+            ["applications.id"],
+            name=op.f("fk_events_application_id_applications"),
+            ondelete="CASCADE",
+        ),
+        sa.PrimaryKeyConstraint("application_id", "number", name=op.f("pk_events")),
     )
     op.create_table(
         "jobs",
@@ -154,6 +170,7 @@ def upgrade() -> None:
         sa.Column("task_index", sa.Integer(), nullable=False),
         sa.Column("value", sa.Float(precision=53), nullable=True),
         sa.Column("summary", sa.JSON(), nullable=False),
+        sa.Column("log", sa.JSON(), nullable=False),
         sa.Column("arrays", sa.LargeBinary(), nullable=True),
         sa.ForeignKeyConstraint(
             ["application_id"],
@@ -190,6 +207,7 @@ def downgrade() -> None:
         batch_op.drop_index("ix_jobs_state_lease_until")
 
     op.drop_table("jobs")
+    op.drop_table("events")
     op.drop_table("designs")
     op.drop_table("robots")
     with op.batch_alter_table("applications", schema=None) as batch_op:

@@ -9,16 +9,21 @@ import numpy as np
 
 from services.codesign.motion import Motion
 from services.codesign.solution import Solution
+from services.codesign.voltage_law import VoltageLaw
 
 POINT = ("x", "lam_x", "lam_g")
 """The program's variables and multipliers, scaled, beside the fields of `Motion`."""
 
+LAW = "law_"
+"""Prefix of the fields of `VoltageLaw`."""
 
-def pack(solution: Solution) -> bytes:
-    """Motion, design and solver point of a successful solve as a NumPy archive, exact to the last bit."""
+
+def pack(solution: Solution, law: VoltageLaw) -> bytes:
+    """Motion, voltage law, design and solver point of a successful solve as a NumPy archive, exact to the last bit."""
     assert solution.motion is not None
     assert solution.design is not None
     arrays = {field.name: getattr(solution.motion, field.name) for field in fields(Motion)}
+    arrays |= {LAW + field.name: getattr(law, field.name) for field in fields(VoltageLaw)}
     arrays |= {name: getattr(solution, name) for name in POINT}
     buffer = io.BytesIO()
     np.savez_compressed(buffer, design=solution.design, **arrays)
@@ -35,3 +40,9 @@ def unpack_motion(blob: bytes) -> tuple[Motion, np.ndarray]:
     """The motion and its design, shape (n, 7) [m]."""
     arrays = unpack(blob)
     return Motion(**{field.name: arrays[field.name] for field in fields(Motion)}), arrays["design"]
+
+
+def unpack_law(blob: bytes) -> VoltageLaw:
+    """The voltages between the points."""
+    arrays = unpack(blob)
+    return VoltageLaw(**{field.name: arrays[LAW + field.name] for field in fields(VoltageLaw)})

@@ -6,7 +6,7 @@ from itertools import groupby
 
 from sqlalchemy import Engine, delete, select
 
-from services.jobs.store import CANCELLED, lock_application, settle
+from services.jobs.store import CANCELLED, emit, lock_application, settle
 from shared.db.engine import transaction
 from shared.db.tables import Application, Job
 from shared.domain import ApplicationState, JobState
@@ -20,7 +20,9 @@ def cancel(engine: Engine, application_id: str) -> bool:
             return False
         if ApplicationState(application.state).final:
             return True
-        application.cancel_requested = True
+        if not application.cancel_requested:
+            application.cancel_requested = True
+            emit(session, application, "cancel", {})
         queued = session.scalars(
             select(Job)
             .where(Job.application_id == application_id, Job.state == JobState.QUEUED)

@@ -5,12 +5,13 @@ A claim is a conditional UPDATE; its token fences off anyone whose lease was los
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from sqlalchemy import Engine, select, update
 
+from services.codesign.solver import IterationReport
 from services.jobs.plan import JobSpec
-from services.jobs.store import CANCELLED, lock_application, record_transition, requeue, settle, silence
+from services.jobs.store import CANCELLED, emit, lock_application, record_transition, requeue, settle, silence
 from shared.db.clock import now
 from shared.db.engine import reading, transaction
 from shared.db.tables import Application, Job
@@ -42,12 +43,15 @@ def claim(engine: Engine, job_id: str, worker: str, lease_s: float) -> Claim | N
         if application is None or job is None or job.state != JobState.QUEUED:
             return None
         job.token, job.attempts = job.token + 1, job.attempts + 1
-        record_transition(session, job, JobState.RUNNING, worker)
+        record_transition(session, application, job, JobState.RUNNING, worker)
         job.state, job.worker, job.lease_until = JobState.RUNNING, worker, now() + lease_s
         if job.started_at is None:
             job.started_at = now()
         if application.state == ApplicationState.QUEUED:
-            application.state, application.started_at = ApplicationState.RUNNING, now()
+            application.state = ApplicationState.RUNNING
+            if application.started_at is None:
+                application.started_at = now()
+            emit(session, application, "application", {"state": ApplicationState.RUNNING, "reason": None})
         session.flush()
         silence(session, [job_id])
         spec = JobSpec(Stage(job.stage), job.method, job.task_index)
@@ -81,6 +85,17 @@ def cancel_requested(engine: Engine, held: Claim) -> bool:
     return flag is None or flag
 
 
+def report(engine: Engine, held: Claim, iteration: IterationReport) -> None:
+    """Tell the application's events how far a solve is; nothing when the lease was lost."""
+    with transaction(engine) as session:
+        application = lock_application(session, held.application_id)
+        job = session.get(Job, held.job_id)
+        if application is None or job is None or job.token != held.token or job.state != JobState.RUNNING:
+            return
+        place = {"stage": job.stage, "method": job.method, "task_index": job.task_index}
+        emit(session, application, "iteration", {"job_id": job.id, **place, **asdict(iteration)})
+
+
 def release(engine: Engine, held: Claim) -> bool:
     """Give a job back unfinished, without counting the attempt; False when the lease was lost meanwhile."""
     with transaction(engine) as session:
@@ -92,5 +107,5 @@ def release(engine: Engine, held: Claim) -> bool:
         if application.cancel_requested:
             settle(session, application, [job], JobState.CANCELLED, CANCELLED)
         else:
-            requeue(session, job)
+            requeue(session, application, job)
         return True

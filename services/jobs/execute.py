@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-import math
+from collections import deque
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from services.codesign.certify import certify
 from services.codesign.design_sheet import design_sheet
 from services.codesign.measures import Measures
 from services.codesign.motor_data import MotorData
+from services.codesign.problem import Accuracy
 from services.codesign.reconcile import mean_design, project_design
 from services.codesign.solution import Solution
 from services.codesign.solve import SolverOptions, solve, with_references
-from services.codesign.solver import STOPPED, Progress
+from services.codesign.solver import STOPPED, IterationReport, Progress
 from services.jobs.arrays import pack
+from services.jobs.certificates import certificate_wire, energies_wire, finite, input_hash
 from services.jobs.finish import Outcome
 from services.jobs.work import MILLIMETRE, Work
 from shared.domain import JobState, Stage
+
+MOST_LOG_LINES = 2000
+"""Solver iterations kept of one job: the last ones."""
 
 
 def execute(work: Work, options: SolverOptions, progress: Progress) -> Outcome:
@@ -27,23 +34,37 @@ def execute(work: Work, options: SolverOptions, progress: Progress) -> Outcome:
     problem = work.application.build_problem(work.spec.task_index, work.design)
     if work.references is not None:
         problem = with_references(problem, work.references)
+    log: deque[tuple[int, int, float]] = deque(maxlen=MOST_LOG_LINES)
+
+    def watched(report: IterationReport) -> bool:
+        log.append((report.attempt, report.iteration, report.objective))
+        return progress(report)
+
     # Cold: the dynamic guess beats the task's own motion as a start for other motors (docs/performance.md).
-    return _outcome(solve(problem, None, options, progress))
+    solution = solve(problem, None, options, watched)
+    return replace(_outcome(work, solution), log=tuple(log))
 
 
-def _outcome(solution: Solution) -> Outcome:
+def _outcome(work: Work, solution: Solution) -> Outcome:
     if not solution.success:
         state = JobState.CANCELLED if solution.status == STOPPED else JobState.FAILED
         return Outcome(state, solution.reason, summary=_how(solution))
     assert solution.measures is not None
     assert solution.design is not None
+    certificate = certify(solution)
     summary = _how(solution) | _measures(solution.measures)
+    if certificate.energies is not None:
+        summary |= energies_wire(certificate.energies)
+    summary["certificate"] = certificate_wire(
+        certificate, Accuracy(), solution.problem.transcription, as_requested=True
+    )
+    summary["certificate"]["input_hash"] = input_hash(work.application, work.spec.task_index, work.design)
     objective = solution.problem.objective
     if objective.kind == "weighted":
         summary["references"] = {"time_s": objective.time_reference, "energy_V2s": objective.effort_reference}
     summary["objective"] = solution.objective
     summary["design_mm"] = design_mm(solution.design)
-    return Outcome(JobState.SUCCEEDED, None, solution.objective, summary, pack(solution))
+    return Outcome(JobState.SUCCEEDED, None, solution.objective, summary, pack(solution, certificate.law))
 
 
 def _how(solution: Solution) -> dict[str, Any]:
@@ -58,8 +79,8 @@ def _how(solution: Solution) -> dict[str, Any]:
             for a in solution.attempts
         ],
         "certificate": {
-            "kkt_residual": _finite(solution.kkt_residual),
-            "limit_violation": _finite(solution.constraint_violation),
+            "kkt_residual": finite(solution.kkt_residual),
+            "constraint_violation": finite(solution.constraint_violation),
         },
     }
 
@@ -105,7 +126,3 @@ def design_mm(design: np.ndarray) -> list[list[float]]:
     """Shape (n, 7) in m -> nested lists in mm."""
     values: list[list[float]] = (design / MILLIMETRE).tolist()
     return values
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

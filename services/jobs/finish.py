@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,6 +24,7 @@ class Outcome:
     value: float | None = None  # the objective [s or V2 s]
     summary: Mapping[str, Any] = field(default_factory=dict)
     arrays: bytes | None = None
+    log: Sequence[tuple[int, int, float]] = ()  # attempt, iteration, objective
     designs: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # kind -> content
 
 
@@ -54,4 +55,5 @@ def _result(job: Job, outcome: Outcome) -> Result:
         value=outcome.value,
         summary=dict(outcome.summary),
         arrays=outcome.arrays,
+        log=list(outcome.log),
     )

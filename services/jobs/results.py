@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 from sqlalchemy import Engine, select
 from sqlalchemy.orm import Session
 
 from services.codesign.comparison import OWN, compare
 from services.codesign.motor_data import DIMENSIONS
-from services.jobs.arrays import unpack_motion
+from services.codesign.voltage_law import VoltageLaw
+from services.jobs.arrays import unpack_law, unpack_motion
 from services.jobs.resolved import ResolvedApplication
 from services.jobs.store import results_of
 from services.jobs.views import NotFoundError, load, objective_unit
+from services.jobs.work import MILLIMETRE
 from shared.contracts import results as wire
 from shared.db.engine import reading
 from shared.db.tables import Application, Design, Job, Result
 from shared.domain import Stage
 
 CONTROL = {
-    "voltage": "voltages are constant on each interval: the value at a point holds on the interval that it ends",
-    "current": "currents run linearly over each interval; voltages follow from the motor's equations",
+    "piecewise_constant": "constant on each interval: the value at a point holds on the interval that it ends",
+    "piecewise_polynomial": "currents are linear in time on each interval; voltages follow from the motor's equations",
 }
 
 
@@ -151,7 +153,7 @@ def trajectory(engine: Engine, application_id: str, task: int, method: str | Non
     if row is None or row.arrays is None:
         why = "" if row is None or row.reason is None else f": {row.reason}"
         raise NotFoundError(f"there is no motion of task {task} with method {name}{why}")
-    motion, _ = unpack_motion(row.arrays)
+    motion, design = unpack_motion(row.arrays)
     return wire.Trajectory(
         application_id=application_id,
         task=task,
@@ -164,7 +166,22 @@ def trajectory(engine: Engine, application_id: str, task: int, method: str | Non
         current_q_A=motion.current_q.tolist(),
         voltage_d_V=motion.voltage_d.tolist(),
         voltage_q_V=motion.voltage_q.tolist(),
-        control=CONTROL[resolved.transcription.control],
+        control=_control(unpack_law(row.arrays)),
+        design_mm=(design / MILLIMETRE).tolist(),
         scheme=resolved.transcription.scheme,
         degree=resolved.transcription.degree,
+    )
+
+
+def _control(law: VoltageLaw) -> wire.VoltageControl:
+    constant = law.voltage_d.shape[1] == 1
+    kind: Literal["piecewise_constant", "piecewise_polynomial"] = (
+        "piecewise_constant" if constant else "piecewise_polynomial"
+    )
+    return wire.VoltageControl(
+        kind=kind,
+        description=CONTROL[kind],
+        breaks_s=law.breaks.tolist(),
+        voltage_d_V=law.voltage_d.tolist(),
+        voltage_q_V=law.voltage_q.tolist(),
     )

@@ -7,16 +7,21 @@ transactions never wait for each other in a circle. SQLite has one writer at a t
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-from sqlalchemy import select, update
+from sqlalchemy import delete, select, update
 from sqlalchemy.orm import Session, defer
 
 from services.jobs.plan import Done, JobSpec, NextStage, Progress, plan_next
 from services.jobs.resolved import ResolvedApplication
 from shared.db.clock import now
-from shared.db.tables import Application, Design, Job, JobTransition, Outbox, Result, Stage
+from shared.db.tables import Application, Design, Event, Job, JobTransition, Outbox, Result, Stage
 from shared.domain import TRANSITIONS, ApplicationState, JobState, new_id
 from shared.domain import Stage as StageName
+
+MOST_EVENTS = 5000
+"""Events kept of one application."""
+PRUNE_EVERY = 500
 
 CANCELLED = "cancelled by request"
 """Reason of a cancelled job."""
@@ -28,8 +33,19 @@ def lock_application(session: Session, application_id: str) -> Application | Non
     return session.scalars(statement.execution_options(populate_existing=True)).one_or_none()
 
 
-def record_transition(session: Session, job: Job, to: JobState, worker: str | None = None) -> None:
-    """Append to the history; refuse a transition that does not exist."""
+def emit(session: Session, application: Application, kind: str, content: dict[str, Any]) -> None:
+    """Append to the application's events; the caller holds its lock."""
+    application.last_event += 1
+    session.add(Event(application_id=application.id, number=application.last_event, kind=kind, content=content))
+    if application.last_event % PRUNE_EVERY == 0:
+        oldest_kept = application.last_event - MOST_EVENTS
+        session.execute(delete(Event).where(Event.application_id == application.id, Event.number <= oldest_kept))
+
+
+def record_transition(
+    session: Session, application: Application, job: Job, to: JobState, worker: str | None = None
+) -> None:
+    """Append to the history and the events; refuse a transition that does not exist."""
     source = JobState(job.state)
     assert to in TRANSITIONS.get(source, frozenset()), f"job {job.id}: no transition {source} -> {to}"
     session.add(
@@ -42,6 +58,8 @@ def record_transition(session: Session, job: Job, to: JobState, worker: str | No
             worker=worker if worker is not None else job.worker,
         )
     )
+    place = {"stage": job.stage, "method": job.method, "task_index": job.task_index}
+    emit(session, application, "job", {"job_id": job.id, **place, "from": source, "to": to})
 
 
 def open_stage(session: Session, application: Application, stage: NextStage) -> None:
@@ -53,6 +71,7 @@ def open_stage(session: Session, application: Application, stage: NextStage) -> 
     session.add_all(jobs)
     session.flush()
     session.add_all(Outbox(job_id=job.id, sent=0) for job in jobs)
+    emit(session, application, "stage", {"stage": stage.stage, "jobs": total})
 
 
 def _new_job(application: Application, spec: JobSpec) -> Job:
@@ -78,7 +97,7 @@ def settle(
     if not jobs:
         return
     for job in jobs:
-        record_transition(session, job, to)
+        record_transition(session, application, job, to)
         job.state, job.reason, job.lease_until = to, reason, None
         job.finished_at = now()
     session.flush()
@@ -95,9 +114,9 @@ def settle(
         _advance(session, application, stage)
 
 
-def requeue(session: Session, job: Job) -> None:
+def requeue(session: Session, application: Application, job: Job) -> None:
     """Put a running job back into the queue, with a message."""
-    record_transition(session, job, JobState.QUEUED)
+    record_transition(session, application, job, JobState.QUEUED)
     job.state, job.lease_until = JobState.QUEUED, None
     session.flush()
     session.execute(update(Outbox).where(Outbox.job_id == job.id).values(due_at=now(), sent=0))
@@ -115,19 +134,20 @@ def silence(session: Session, job_ids: Sequence[str]) -> None:
 
 def _advance(session: Session, application: Application, finished: StageName) -> None:
     if application.cancel_requested:
-        _finish(application, Done(ApplicationState.CANCELLED))
+        _finish(session, application, Done(ApplicationState.CANCELLED))
         return
     resolved = ResolvedApplication.model_validate(application.resolved)
     following = plan_next(resolved, progress_of(session, application, resolved, finished))
     if isinstance(following, NextStage):
         open_stage(session, application, following)
     else:
-        _finish(application, following)
+        _finish(session, application, following)
 
 
-def _finish(application: Application, done: Done) -> None:
+def _finish(session: Session, application: Application, done: Done) -> None:
     application.state, application.reason = done.state, done.reason
     application.finished_at = now()
+    emit(session, application, "application", {"state": done.state, "reason": done.reason})
 
 
 def progress_of(
@@ -159,6 +179,6 @@ def results_of(session: Session, application: Application, stage: StageName) -> 
             Result.stage == stage,
         )
         .order_by(Result.task_index)
-        .options(defer(Result.arrays))
+        .options(defer(Result.arrays), defer(Result.log))
     )
     return list(session.scalars(statement))

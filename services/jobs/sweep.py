@@ -38,5 +38,5 @@ def _recover(engine: Engine, job_id: str, application_id: str, max_attempts: int
             reason = f"its worker was lost {job.attempts} times"
             settle(session, application, [job], JobState.DEAD, reason)
         else:
-            requeue(session, job)
+            requeue(session, application, job)
         return True

@@ -113,11 +113,79 @@ class ApplicationList(BaseModel):
     next_cursor: str | None
 
 
-class Certificate(BaseModel):
-    """What was checked about a result, apart from the solver."""
+class LimitCheck(BaseModel):
+    """How far a kind of limit is exceeded, as a share of it (of the range for joints); 0 when it is kept."""
 
+    at_points: float | None = Field(description="by the motion at its grid points")
+    between_points: float | None = Field(description="by the replay, densely; null when it broke off")
+
+
+class ElectricalBalance(BaseModel):
+    """Electrical input = copper loss + change of field energy + shaft work, on the replay, all motors together."""
+
+    input_J: float
+    copper_J: float
+    field_change_J: float
+    shaft_J: float
+    residual_J: float
+    turned_over_J: float = Field(description="sum of the sizes of the terms")
+    closed: bool = Field(description="residual within 1e-6 of what was turned over")
+
+
+class MechanicalBalance(BaseModel):
+    """Shaft work = change of kinetic and potential energy, rotors included, on the replay."""
+
+    shaft_J: float
+    kinetic_and_potential_change_J: float
+    residual_J: float
+    turned_over_J: float = Field(description="sum of the sizes of the terms")
+    closed: bool = Field(description="residual within 1e-6 of what was turned over")
+
+
+class EnergyBalance(BaseModel):
+    """Both balances."""
+
+    electrical: ElectricalBalance
+    mechanical: MechanicalBalance
+
+
+class Tolerance(BaseModel):
+    """What a certificate is judged by."""
+
+    position_rad: float
+    speed_rad_s: float
+    limit: float = Field(description="share by which a limit may be exceeded")
+
+
+class Certificate(BaseModel):
+    """What was found when a motion's voltages were replayed by an accurate integrator, and how nearly it is optimal.
+
+    Everything is computed apart from the solver and the transcription. Figures of a failed solve are null.
+    """
+
+    replay_position_rad: float | None = Field(None, description="to the task's end at t_f, largest over the joints")
+    replay_speed_rad_s: float | None = Field(
+        None, description="to the task's end speed at t_f, largest over the joints"
+    )
+    path_position_rad: float | None = Field(None, description="between replay and motion, largest at the grid points")
+    path_speed_rad_s: float | None = Field(None, description="between replay and motion, largest at the grid points")
+    limit_violation: float | None = Field(
+        None, description="largest of `limits`: share of the limit, 0 when all are kept"
+    )
+    limits: dict[str, LimitCheck] | None = Field(None, description="joint_range, rotor_speed, current, voltage")
     kkt_residual: float | None = Field(description="scaled; recomputed from the program with the multipliers")
-    limit_violation: float | None = Field(description="largest violation at the grid points, as a share of the limit")
+    constraint_violation: float | None = Field(None, description="of the program at the solution, scaled")
+    energy_balance: EnergyBalance | None = None
+    tolerance: Tolerance | None = None
+    within_tolerance: bool | None = Field(None, description="whether replay and limits meet `tolerance`")
+    as_requested: bool | None = Field(
+        None, description="the transcription was asked for as it is, so a missed tolerance is no failure"
+    )
+    scheme: str | None = None
+    degree: int | None = None
+    intervals: int | None = None
+    control: str | None = None
+    input_hash: str | None = Field(None, description="SHA-256 of robot, task, motor, objective, transcription, design")
 
 
 class MotionResult(BaseModel):
@@ -126,7 +194,7 @@ class MotionResult(BaseModel):
     objective: float = Field(description="what was minimised: s, V2 s, or the weighted sum")
     final_time_s: float
     energy_V2s: float = Field(description="integral of u'u, the paper's energy")
-    electrical_energy_J: float = Field(description="signed")
+    electrical_energy_J: float = Field(description="signed; this and the next two on the replay")
     copper_loss_J: float
     recovered_energy_J: list[float] = Field(description="what each motor gives back")
     peaks: dict[str, list[float]] = Field(description="largest share of each limit, 1 = at the limit")
@@ -228,6 +296,20 @@ class ComparisonAnswer(BaseModel):
     missing: dict[str, str] = Field(description="methods that have no result, and why")
 
 
+class VoltageControl(BaseModel):
+    """How the voltages run, at every time: a polynomial on each interval.
+
+    For t in interval w, with s = (t - breaks_s[w]) / (breaks_s[w + 1] - breaks_s[w]):
+    u = sum over k of coefficients[w][k] * s^k, with the coefficients in V, one a joint.
+    """
+
+    kind: Literal["piecewise_constant", "piecewise_polynomial"]
+    description: str = Field(description="for people")
+    breaks_s: list[float] = Field(description="ends of the intervals, first 0, last the final time")
+    voltage_d_V: list[list[list[float]]] = Field(description="coefficients [interval][power][joint]")
+    voltage_q_V: list[list[list[float]]] = Field(description="coefficients [interval][power][joint]")
+
+
 class Trajectory(BaseModel):
     """A motion on its grid: lists over the points, each with one value a joint."""
 
@@ -242,6 +324,7 @@ class Trajectory(BaseModel):
     current_q_A: list[list[float]]
     voltage_d_V: list[list[float]]
     voltage_q_V: list[list[float]]
-    control: str = Field(description="how the voltages run between the points")
+    control: VoltageControl = Field(description="how the voltages run between the points")
+    design_mm: list[list[float]] = Field(description="the motors of this motion, one row each")
     scheme: str
     degree: int

@@ -58,6 +58,8 @@ class Application(Base):
     generation: Mapped[int] = mapped_column(default=0)
     """Counts retries; jobs of older generations are history."""
     cancel_requested: Mapped[bool] = mapped_column(default=False)
+    last_event: Mapped[int] = mapped_column(default=0)
+    """Number of its latest event; taken under the row's lock, so that there is no gap and no double."""
     request: Mapped[dict[str, Any]]
     """As submitted."""
     resolved: Mapped[dict[str, Any]]
@@ -129,8 +131,22 @@ class Result(Base):
     value: Mapped[float | None]
     """The objective, for progress displays [s or V2 s]."""
     summary: Mapped[dict[str, Any]]
+    log: Mapped[list[Any]] = mapped_column(JSON)
+    """Solver iterations: [attempt, iteration, objective]; bounded (`services.jobs.execute`)."""
     arrays: Mapped[bytes | None] = mapped_column(LargeBinary)
     """The motion as a compressed NumPy archive (`services.jobs.arrays`)."""
+
+
+class Event(Base):
+    """What happened to an application, numbered; the oldest are pruned."""
+
+    __tablename__ = "events"
+
+    application_id: Mapped[str] = mapped_column(ForeignKey("applications.id", ondelete="CASCADE"), primary_key=True)
+    number: Mapped[int] = mapped_column(primary_key=True)
+    kind: Mapped[str] = mapped_column(String(32))
+    content: Mapped[dict[str, Any]]
+    at: Mapped[float] = mapped_column(default=now())
 
 
 class Design(Base):

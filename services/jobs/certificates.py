@@ -1,0 +1,103 @@
+"""Certificates as they are stored and sent, and the hash of what a result was computed from."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from typing import Any
+
+import numpy as np
+
+from services.codesign.certify import Certificate, EnergyBalance
+from services.codesign.problem import Accuracy, Transcription
+from services.codesign.replay import Energies
+from services.jobs.resolved import ResolvedApplication
+
+
+def input_hash(application: ResolvedApplication, task: int, design: np.ndarray | None) -> str:
+    """SHA-256 of all that a motion depends on, in JSON with sorted keys and no spaces.
+
+    Parameters
+    ----------
+    task
+        Index of the task.
+    design
+        The design given, shape (n, 7) [m]; None when the task's own is sought.
+    """
+    resolved = application.model_dump(mode="json")
+    inputs = {name: resolved[name] for name in ("robot", "objective", "motor", "transcription")}
+    inputs |= {"task": resolved["tasks"][task], "design_m": None if design is None else design.tolist()}
+    return hashlib.sha256(json.dumps(inputs, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def certificate_wire(
+    certificate: Certificate, accuracy: Accuracy, transcription: Transcription, as_requested: bool
+) -> dict[str, Any]:
+    """Certificate with the tolerances it is judged by and the grid it belongs to.
+
+    Parameters
+    ----------
+    as_requested
+        Whether the transcription was asked for as it is, so that a missed tolerance is no failure.
+    """
+    return {
+        "replay_position_rad": certificate.replay_position,
+        "replay_speed_rad_s": certificate.replay_speed,
+        "path_position_rad": certificate.path_position,
+        "path_speed_rad_s": certificate.path_speed,
+        "limit_violation": finite(certificate.limit_violation),
+        "limits": {
+            name: {"at_points": finite(check.at_points), "between_points": finite(check.between_points)}
+            for name, check in certificate.limits.items()
+        },
+        "kkt_residual": finite(certificate.kkt_residual),
+        "constraint_violation": finite(certificate.constraint_violation),
+        "energy_balance": _balances(certificate),
+        "tolerance": {"position_rad": accuracy.position, "speed_rad_s": accuracy.speed, "limit": accuracy.limit},
+        "within_tolerance": certificate.meets(accuracy),
+        "as_requested": as_requested,
+        "scheme": transcription.scheme,
+        "degree": transcription.degree,
+        "intervals": transcription.intervals,
+        "control": transcription.control,
+    }
+
+
+def _balances(certificate: Certificate) -> dict[str, Any] | None:
+    e, electrical, mechanical = certificate.energies, certificate.electrical_balance, certificate.mechanical_balance
+    if e is None or electrical is None or mechanical is None:
+        return None
+    return {
+        "electrical": {
+            "input_J": e.electrical,
+            "copper_J": e.copper,
+            "field_change_J": e.field_change,
+            "shaft_J": e.shaft,
+            **_closure(electrical),
+        },
+        "mechanical": {
+            "shaft_J": e.shaft,
+            "kinetic_and_potential_change_J": e.mechanical_change,
+            **_closure(mechanical),
+        },
+    }
+
+
+def _closure(balance: EnergyBalance) -> dict[str, Any]:
+    return {"residual_J": balance.residual, "turned_over_J": balance.turned_over, "closed": balance.closed}
+
+
+def energies_wire(energies: Energies) -> dict[str, Any]:
+    """The energies of a motion's result, from the replay."""
+    return {
+        "energy_V2s": energies.effort,
+        "electrical_energy_J": energies.electrical,
+        "copper_loss_J": energies.copper,
+        "recovered_energy_J": energies.recovered.tolist(),
+    }
+
+
+def finite(value: float) -> float | None:
+    """NaN and infinity have no place in JSON."""
+    return value if math.isfinite(value) else None
