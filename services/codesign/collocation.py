@@ -61,18 +61,19 @@ def collocation(scheme: str, degree: int) -> Collocation:
     if degree not in DEGREES:
         raise ValueError(f"degree {degree}: must be between {DEGREES[0]} and {DEGREES[-1]}")
     points = collocation_points(scheme, degree)
-    lagrange = _lagrange_basis(np.concatenate([[0.0], points]))
+    lagrange = lagrange_basis(np.concatenate([[0.0], points]))
     return Collocation(
         scheme=scheme,
         degree=degree,
         points=points,
         differentiation=np.array([[basis.deriv()(c) for basis in lagrange] for c in points]),
         end=np.array([basis(1.0) for basis in lagrange]),
-        weights=np.array([basis.integ()(1.0) for basis in _lagrange_basis(points)]),
+        weights=np.array([basis.integ()(1.0) for basis in lagrange_basis(points)]),
     )
 
 
-def _lagrange_basis(nodes: np.ndarray) -> list[Polynomial]:
+def lagrange_basis(nodes: np.ndarray) -> list[Polynomial]:
+    """Polynomials that are 1 at one of the nodes and 0 at the others."""
     basis = []
     for j, node in enumerate(nodes):
         others = np.delete(nodes, j)

@@ -76,6 +76,15 @@ class Transcription:
 
 
 @dataclass(frozen=True)
+class Accuracy:
+    """What a replay of the motion has to keep to; the defaults are those of new applications."""
+
+    position: float = 1e-3  # rad, at t_f
+    speed: float = 1e-2  # rad/s, at t_f
+    limit: float = 1e-3  # share by which a limit may be exceeded, at and between grid points
+
+
+@dataclass(frozen=True)
 class Problem:
     """One task to be solved: Problem 1 with n = 1, or its motion alone when `design` is given."""
 

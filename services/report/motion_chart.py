@@ -20,8 +20,8 @@ HEADROOM = 1.12
 """Axes end a little beyond the limit, so that it is in view."""
 MS = 1e3  # ms per s
 
-HELD = "constant on each interval"
-"""In a trajectory's `control`: the voltage at a point holds on the interval that ends there."""
+HELD = "piecewise_constant"
+"""Kind of control in which the voltage at a point holds on the interval that ends there."""
 
 
 @dataclass(frozen=True)
@@ -83,12 +83,13 @@ def _rows(motion: Trajectory, limits: MotionLimits) -> list[_Row]:
     def magnitude(label: str, lines: tuple[_Line, ...], limit: npt.NDArray[np.float64], steps: bool = False) -> _Row:
         return _Row(label, lines, -limit, limit, steps)
 
+    held = motion.control.kind == HELD
     return [
         _Row("position\n[rad]", one("joint_position_rad"), limits.joint_lower, limits.joint_upper, steps=False),
         magnitude("joint speed\n[rad/s]", one("joint_speed_rad_s"), limits.joint_speed),
         magnitude("joint torque\n[N m]", one("joint_torque_Nm"), limits.joint_torque),
         magnitude("current\n[A]", both("current_d_A", "current_q_A"), limits.current),
-        magnitude("voltage\n[V]", both("voltage_d_V", "voltage_q_V"), limits.voltage, steps=HELD in motion.control),
+        magnitude("voltage\n[V]", both("voltage_d_V", "voltage_q_V"), limits.voltage, steps=held),
     ]
 
 

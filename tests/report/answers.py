@@ -55,7 +55,14 @@ def motion(task: int = 3, method: str = "two_step") -> wire.Trajectory:
         current_q_A=column(-CURRENT_LIMIT / 2),
         voltage_d_V=column(0.0),
         voltage_q_V=column(VOLTAGE_LIMIT / 2),
-        control="voltages are constant on each interval: the value at a point holds on the interval that it ends",
+        control=wire.VoltageControl(
+            kind="piecewise_constant",
+            description="constant on each interval",
+            breaks_s=[0.1 * k for k in range(POINTS)],
+            voltage_d_V=[[row] for row in column(0.0)[1:]],
+            voltage_q_V=[[row] for row in column(VOLTAGE_LIMIT / 2)[1:]],
+        ),
+        design_mm=[TABLE_I_MM, SMALL_MM],
         scheme="radau",
         degree=1,
     )

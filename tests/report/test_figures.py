@@ -15,14 +15,13 @@ from matplotlib.image import imread
 from matplotlib.patches import Circle, Rectangle
 
 from services.codesign.motor_data import DIMENSIONS, MotorData
-from services.jobs.results import CONTROL
 from services.report.answers import read_answers
 from services.report.box_chart import design_boxes, overlaid_design_boxes
 from services.report.cross_section import motor_drawings
 from services.report.dimension_key import dimension_key
 from services.report.figures import write_figures
 from services.report.heat_map import improvement_maps, improvement_percent
-from services.report.motion_chart import HELD, motion_chart
+from services.report.motion_chart import motion_chart
 from services.report.motion_limits import motion_limits
 from services.report.style import DIMENSION_SYMBOLS, Format, style
 from services.report.totals_chart import totals_chart
@@ -171,9 +170,12 @@ def test_motion_chart_has_a_row_for_each_quantity() -> None:
     assert voltages[1].get_ydata() == pytest.approx([row[0] for row in motion.voltage_q_V])
 
 
-def test_voltages_are_steps_where_the_service_says_so() -> None:
-    assert HELD in CONTROL["voltage"]
-    assert HELD not in CONTROL["current"]
+def test_voltages_are_steps_only_where_they_are_constant() -> None:
+    motion = made_up.motion()
+    smooth = motion.control.model_copy(update={"kind": "piecewise_polynomial"})
+    motion = motion.model_copy(update={"control": smooth})
+    figure = motion_chart(motion, motion_limits(motion, made_up.result(1.0), None), "a task")
+    assert [line.get_drawstyle() for line in figure.axes[8].lines[:2]] == ["default", "default"]
 
 
 def test_totals_are_written_beside_their_bars() -> None:

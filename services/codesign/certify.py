@@ -1,0 +1,159 @@
+"""The certificate of a motion: what was found when its voltages were replayed, and how nearly it is optimal.
+
+Nothing here is read from the solver or the transcription's own books  (MODEL section 5).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.codesign.motion import Motion
+from services.codesign.problem import Accuracy, Problem
+from services.codesign.replay import Energies, Replay, ReplayError, replay
+from services.codesign.solution import Solution
+from services.codesign.voltage_law import VoltageLaw, voltage_law
+
+LIMITS = ("joint_range", "rotor_speed", "current", "voltage")
+"""Path limits (3a), (3b), (5a)-(5c), by kind."""
+
+BALANCE_TOLERANCE = 1e-6
+"""Part of the energy turned over by which a balance may stay open: the integrator's errors come to 1e-7."""
+
+
+@dataclass(frozen=True)
+class LimitCheck:
+    """How far one kind of limit is exceeded, as a share of the limit (of the range for joints); 0 when it is kept."""
+
+    at_points: float  # by the motion, at its grid points
+    between_points: float  # by the replay, at `replay.SAMPLES` places of every interval
+
+
+@dataclass(frozen=True)
+class EnergyBalance:
+    """What is left of an energy balance over the replay, beside the largest term's size."""
+
+    residual: float  # J
+    turned_over: float  # J, sum of the sizes of the terms
+
+    @property
+    def closed(self) -> bool:
+        """Whether the residual is within `BALANCE_TOLERANCE` of what was turned over."""
+        return abs(self.residual) <= BALANCE_TOLERANCE * self.turned_over
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What is known of a motion. Replay figures are the largest over the joints; None when the replay broke off."""
+
+    replay_position: float | None  # rad, at t_f, to the task's end
+    replay_speed: float | None  # rad/s, at t_f, to the task's end
+    path_position: float | None  # rad, to the motion, largest over its grid points
+    path_speed: float | None  # rad/s, the same
+    limits: Mapping[str, LimitCheck]  # by `LIMITS`; without a replay, between_points is infinite
+    electrical_balance: EnergyBalance | None  # input = copper + field change + shaft
+    mechanical_balance: EnergyBalance | None  # shaft = change of kinetic and potential energy
+    energies: Energies | None
+    kkt_residual: float  # scaled; from the program's functions with the multipliers
+    constraint_violation: float  # scaled; of the program at the solution
+    law: VoltageLaw
+
+    @property
+    def limit_violation(self) -> float:
+        """Largest over all limits, at the grid points and between them, as a share of the limit."""
+        return max(max(check.at_points, check.between_points) for check in self.limits.values())
+
+    def meets(self, accuracy: Accuracy) -> bool:
+        """Whether the replay ends within the tolerances, and no limit is exceeded by more than allowed."""
+        if self.replay_position is None or self.replay_speed is None:
+            return False
+        at_end = self.replay_position <= accuracy.position and self.replay_speed <= accuracy.speed
+        return at_end and self.limit_violation <= accuracy.limit
+
+
+def certify(solution: Solution) -> Certificate:
+    """Replay a solved motion and write down what is found.
+
+    Raises
+    ------
+    ValueError
+        For a failed solve.
+    """
+    problem, design, motion = solution.problem, solution.design, solution.motion
+    if design is None or motion is None:
+        raise ValueError(f"a failed solve ({solution.status}) has no certificate")
+    law = voltage_law(problem, design, motion)
+    try:
+        found = replay(problem, design, motion, law)
+    except ReplayError:
+        found = None
+    end = _end_errors(problem, found)
+    path = _path_errors(problem, motion, found)
+    return Certificate(
+        replay_position=end[0],
+        replay_speed=end[1],
+        path_position=path[0],
+        path_speed=path[1],
+        limits=_limit_checks(problem, motion, found),
+        electrical_balance=None if found is None else _electrical_balance(found.energies),
+        mechanical_balance=None if found is None else _mechanical_balance(found.energies),
+        energies=None if found is None else found.energies,
+        kkt_residual=solution.kkt_residual,
+        constraint_violation=solution.constraint_violation,
+        law=law,
+    )
+
+
+def _end_errors(problem: Problem, found: Replay | None) -> tuple[float | None, float | None]:
+    if found is None:
+        return None, None
+    task = problem.task
+    return _largest(found.position[-1, -1] - task.end), _largest(found.speed[-1, -1] - task.end_velocity)
+
+
+def _path_errors(problem: Problem, motion: Motion, found: Replay | None) -> tuple[float | None, float | None]:
+    """At the motion's grid points, all of which are among the replay's samples."""
+    if found is None:
+        return None, None
+    layout = problem.layout
+    inside = np.concatenate([layout.collocation.points, [1.0]])[: layout.stops]
+    places = np.abs(found.share[:, None] - inside).argmin(axis=0)
+    n = problem.robot.joints
+    position, speed = (x[:, places].reshape(-1, n) for x in (found.position, found.speed))
+    return _largest(position - motion.position[1:]), _largest(speed - motion.speed[1:])
+
+
+def _limit_checks(problem: Problem, motion: Motion, found: Replay | None) -> dict[str, LimitCheck]:
+    at_points = _exceeded(problem, motion)
+    between = dict.fromkeys(LIMITS, math.inf) if found is None else _exceeded(problem, found)
+    return {kind: LimitCheck(at_points[kind], between[kind]) for kind in LIMITS}
+
+
+def _exceeded(problem: Problem, x: Motion | Replay) -> dict[str, float]:
+    """Largest excess over each kind of limit, as a share of it; 0 when it is kept."""
+    robot, motor = problem.robot, problem.motor
+    outside = np.maximum(robot.joint_lower - x.position, x.position - robot.joint_upper)
+    shares = {
+        "joint_range": outside / (robot.joint_upper - robot.joint_lower),
+        "rotor_speed": np.abs(x.speed) / robot.joint_speed_limit - 1,
+        "current": np.maximum(np.abs(x.current_d), np.abs(x.current_q)) / motor.current_limit - 1,
+        "voltage": np.maximum(np.abs(x.voltage_d), np.abs(x.voltage_q)) / motor.voltage_limit - 1,
+    }
+    return {kind: max(float(share.max()), 0.0) for kind, share in shares.items()}
+
+
+def _electrical_balance(e: Energies) -> EnergyBalance:
+    terms = (e.electrical, -e.copper, -e.field_change, -e.shaft)
+    return EnergyBalance(sum(terms), sum(map(abs, terms)))
+
+
+def _mechanical_balance(e: Energies) -> EnergyBalance:
+    terms = (e.shaft, -e.mechanical_change)
+    return EnergyBalance(sum(terms), sum(map(abs, terms)))
+
+
+def _largest(values: np.ndarray) -> float:
+    return float(np.abs(values).max())

@@ -1,0 +1,254 @@
+"""Replay: a motion's voltages through an accurate integrator that knows nothing of the transcription.
+
+The arm by the corrected Algorithm 1, the currents by eq. (1) as they stand, and beside them the energies as
+quadratures  (MODEL section 5). CVODES (backward differentiation of variable order and step) starts afresh at every
+interval, where the voltages jump or have a kink.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from services.codesign.arm import build_arm
+from services.codesign.collocation import DEGREES
+from services.codesign.energy import kinetic_energy, potential_energy
+from services.codesign.forward_dynamics import forward_dynamics
+from services.codesign.kernels import build_library, default_cache, library_key
+from services.codesign.motion import Motion, motors_of_design
+from services.codesign.motor import MotorParameters, motor_torque, steady_voltages
+from services.codesign.problem import Problem
+from services.codesign.robot import Robot
+from services.codesign.voltage_law import VoltageLaw
+
+Expression = Any
+
+TOLERANCE = 1e-9
+"""Absolute (rad, rad/s, A) and relative, of the integrator."""
+
+SAMPLES = 20
+"""Equal parts of each interval at whose ends the replay is looked at, besides the motion's own points."""
+
+COEFFICIENTS = max(DEGREES) + 2
+"""Of the voltage polynomial that the compiled plant takes; laws of lower degree are filled with zeros."""
+
+_SHAPING_SOURCES = (
+    "arm.py",
+    "energy.py",
+    "forward_dynamics.py",
+    "kernels.py",
+    "mass_matrix.py",
+    "motor.py",
+    "replay.py",
+    "robot.py",
+    "spatial.py",
+)
+
+
+class ReplayError(RuntimeError):
+    """The integrator gave up: a motion that cannot be followed to its end."""
+
+
+@dataclass(frozen=True)
+class Energies:
+    """Over the whole replay, all motors together, in J unless said."""
+
+    electrical: float  # 3/2 integral of (u_d i_d + u_q i_q), signed
+    copper: float
+    field_change: float  # of 3/4 L (i_d^2 + i_q^2)
+    shaft: float  # integral of torque times rotor speed
+    mechanical_change: float  # of kinetic and potential energy
+    recovered: np.ndarray  # (n,) per motor, >= 0: what flows back while its electrical power is negative
+    effort: float  # integral of u'u [V2 s]
+
+
+@dataclass(frozen=True)
+class Replay:
+    """States and voltages at `share` of each interval's length, arrays (N, m, n) in SI; share is 0 first, 1 last."""
+
+    share: np.ndarray  # (m,)
+    time: np.ndarray  # (N, m) s
+    position: np.ndarray
+    speed: np.ndarray
+    current_d: np.ndarray
+    current_q: np.ndarray
+    voltage_d: np.ndarray
+    voltage_q: np.ndarray
+    energies: Energies
+
+
+def replay(problem: Problem, design: np.ndarray, motion: Motion, law: VoltageLaw) -> Replay:
+    """Drive the arm with `law` from the motion's start; `design` has shape (n, 7) [m].
+
+    Raises
+    ------
+    ReplayError
+        When the integrator cannot reach the end.
+    """
+    n, N = problem.robot.joints, law.intervals
+    plant = load_plant(problem.robot)
+    share = _shares(problem.layout.collocation.points)
+    integrator = _integrator(plant, tuple(share.tolist()))
+    given = _given(problem, design)
+    coefficients = np.zeros((N, COEFFICIENTS, 2 * n))
+    coefficients[:, : law.voltage_d.shape[1], :n] = law.voltage_d
+    coefficients[:, : law.voltage_q.shape[1], n:] = law.voltage_q
+    widths = np.diff(law.breaks)
+
+    states, quadratures = np.empty((N, len(share), 4 * n)), np.zeros(4 + n)
+    state = np.concatenate([motion.position[0], motion.speed[0], motion.current_d[0], motion.current_q[0]])
+    for w in range(N):
+        parameters = np.concatenate([given, [widths[w]], coefficients[w].ravel()])
+        try:
+            end = integrator(x0=state, p=parameters)
+        except RuntimeError as error:
+            raise ReplayError(f"the integrator stopped in interval {w + 1} of {N}") from error
+        states[w, 0] = state
+        states[w, 1:] = end["xf"].full().T
+        state = states[w, -1]
+        quadratures += end["qf"].full()[:, -1]
+    voltage_d, voltage_q = law.at(share)
+    position, speed, current_d, current_q = np.split(states, 4, axis=2)
+    change = _state_energies(plant, given, problem, design, states[-1, -1])
+    change = change - _state_energies(plant, given, problem, design, states[0, 0])
+    return Replay(
+        share=share,
+        time=law.breaks[:-1, None] + widths[:, None] * share,
+        position=position,
+        speed=speed,
+        current_d=current_d,
+        current_q=current_q,
+        voltage_d=voltage_d,
+        voltage_q=voltage_q,
+        energies=Energies(
+            electrical=float(quadratures[0]),
+            copper=float(quadratures[1]),
+            field_change=float(change[0]),
+            shaft=float(quadratures[2]),
+            mechanical_change=float(change[1]),
+            recovered=quadratures[4:],
+            effort=float(quadratures[3]),
+        ),
+    )
+
+
+def _shares(points: np.ndarray) -> np.ndarray:
+    """Equally spaced, and the collocation points; each once."""
+    both = np.concatenate([np.linspace(0, 1, SAMPLES + 1), points])
+    shares: np.ndarray = np.unique(np.round(both, 12))
+    return shares
+
+
+def _given(problem: Problem, design: np.ndarray) -> np.ndarray:
+    """What stays the same over a motion: motor parameters, gears, payload, pole pairs."""
+    motors = motors_of_design(design, problem)
+    fixed = [problem.robot.gear_ratio, [problem.task.payload], [problem.motor.pole_pairs]]
+    return np.concatenate([*motors, *fixed])
+
+
+def _state_energies(
+    plant: Plant, given: np.ndarray, problem: Problem, design: np.ndarray, state: np.ndarray
+) -> np.ndarray:
+    """Field energy, and kinetic plus potential energy [J], shape (2,)."""
+    n = problem.robot.joints
+    inductance = motors_of_design(design, problem).inductance
+    field = 0.75 * float(inductance @ (state[2 * n : 3 * n] ** 2 + state[3 * n :] ** 2))
+    return np.array([field, float(plant.energy(state[:n], state[n : 2 * n], given))])
+
+
+@dataclass(frozen=True)
+class Plant:
+    """The arm and its motors under given voltages, as functions; `slopes` integrates over an interval's share 0..1.
+
+    - slopes: (share, state (4n,), parameters) -> (d state / d share, d quadratures / d share)
+    - energy: (q, qd, what is given) -> kinetic plus potential energy [J]
+    """
+
+    joints: int
+    slopes: ca.Function
+    energy: ca.Function
+
+
+_PLANTS: dict[tuple[str, Path], Plant] = {}
+
+
+def load_plant(robot: Robot, cache: Path | None = None) -> Plant:
+    """An arm's functions, compiled where there is a compiler, once per process and cache."""
+    folder = default_cache() if cache is None else cache
+    key = library_key(robot, ["replay", COEFFICIENTS], _SHAPING_SOURCES)
+    if (key, folder) not in _PLANTS:
+        library = folder / f"{key}.so"
+        if build_library(library, lambda: _functions(robot)):
+            functions = {name: ca.external(name, str(library)) for name in ("slopes", "energy")}
+        else:
+            functions = _functions(robot)
+        _PLANTS[key, folder] = Plant(robot.joints, functions["slopes"], functions["energy"])
+    return _PLANTS[key, folder]
+
+
+def _functions(robot: Robot) -> dict[str, ca.Function]:
+    n = robot.joints
+    fields = len(MotorParameters._fields)
+    share, x = ca.SX.sym("share"), ca.SX.sym("x", 4 * n)
+    motors, gear_ratio = ca.SX.sym("motors", n, fields), ca.SX.sym("gear_ratio", n)
+    payload, pole_pairs, width = ca.SX.sym("payload"), ca.SX.sym("pole_pairs"), ca.SX.sym("width")
+    coefficients = ca.SX.sym("coefficients", 2 * n, COEFFICIENTS)
+    given = ca.vertcat(ca.vec(motors), gear_ratio, payload, pole_pairs)
+    p = ca.vertcat(given, width, ca.vec(coefficients))
+
+    motor = MotorParameters(*ca.horzsplit(motors))
+    rows = [MotorParameters(*ca.horzsplit(row)) for row in ca.vertsplit(motors)]
+    arm = build_arm(robot, rows, payload, gear_ratio)
+    q, qd, i_d, i_q = ca.vertsplit(x, n)
+    u = coefficients[:, -1]
+    for k in reversed(range(COEFFICIENTS - 1)):
+        u = coefficients[:, k] + share * u
+    u_d, u_q = ca.vertsplit(u, n)
+
+    # Eq. (1) for the rates of the currents, Algorithm 1 for the acceleration
+    torque, omega = motor_torque(i_q, motor, pole_pairs), gear_ratio * qd
+    steady_d, steady_q = steady_voltages(i_d, i_q, omega, motor, pole_pairs)
+    qdd = forward_dynamics(arm, q, qd, gear_ratio * torque)
+    rates = width * ca.vertcat(qd, qdd, (u_d - steady_d) / motor.inductance, (u_q - steady_q) / motor.inductance)
+    power = 1.5 * (u_d * i_d + u_q * i_q)
+    copper = 1.5 * motor.phase_resistance * (i_d**2 + i_q**2)
+    quadratures = width * ca.vertcat(
+        ca.sum1(power), ca.sum1(copper), ca.dot(torque, omega), ca.dot(u, u), ca.fmax(-power, 0)
+    )
+    energy = kinetic_energy(arm, q, qd) + potential_energy(arm, q)
+    return {
+        "slopes": ca.Function("slopes", [share, x, p], [rates, quadratures], {"cse": True}),
+        "jac_slopes": _jacobian(share, x, p, rates, quadratures),
+        "energy": ca.Function("energy", [q, qd, given], [energy], {"cse": True}),
+    }
+
+
+def _jacobian(
+    share: Expression, x: Expression, p: Expression, rates: Expression, quadratures: Expression
+) -> ca.Function:
+    """What CasADi looks for beside a compiled function, by its name: all blocks of the Jacobian.
+
+    Newton's method asks for the one of the rates in the state; the others stay empty.
+    """
+    blocks = [
+        ca.jacobian(rates, x) if output is rates and argument is x else ca.SX(output.shape[0], argument.shape[0])
+        for output in (rates, quadratures)
+        for argument in (share, x, p)
+    ]
+    results = [ca.SX.sym(f"result_{k}", output.shape[0]) for k, output in enumerate((rates, quadratures))]
+    return ca.Function("jac_slopes", [share, x, p, *results], blocks, {"cse": True})
+
+
+@lru_cache(maxsize=16)
+def _integrator(plant: Plant, share: tuple[float, ...]) -> ca.Function:
+    t, x = ca.MX.sym("t"), ca.MX.sym("x", 4 * plant.joints)
+    p = ca.MX.sym("p", plant.slopes.size1_in(2))
+    rates, quadratures = plant.slopes(t, x, p)
+    system = {"t": t, "x": x, "p": p, "ode": rates, "quad": quadratures}
+    options = {"abstol": TOLERANCE, "reltol": TOLERANCE}
+    return ca.integrator("replay", "cvodes", system, 0, list(share[1:]), options)
