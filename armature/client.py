@@ -30,6 +30,7 @@ from shared.contracts.results import (
     ComparisonAnswer,
     DesignAnswer,
     DesignsAnswer,
+    SolverLog,
     TaskList,
     TaskResult,
     Trajectory,
@@ -244,6 +245,14 @@ class Application:
     def cancel(self) -> ApplicationStatus:
         """Ask for an end: queued jobs at once, running ones within a second or two."""
         return ApplicationStatus.model_validate_json(self.client.request("POST", f"{self._path}/cancel").content)
+
+    def retry(self) -> ApplicationStatus:
+        """Do again what failed, died or was cancelled, and what depends on it."""
+        return ApplicationStatus.model_validate_json(self.client.request("POST", f"{self._path}/retry").content)
+
+    def log(self, task: int, method: str | None = None) -> SolverLog:
+        """Solver iterations of a task's motion (method as in `trajectory`)."""
+        return SolverLog.model_validate_json(self._get(f"/tasks/{task}/log", {"method": method}))
 
     def _get(self, path: str = "", query: Mapping[str, Any] | None = None) -> bytes:
         return self.client._get(f"{self._path}{path}", query)

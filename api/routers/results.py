@@ -15,6 +15,7 @@ from shared.contracts.results import (
     ComparisonAnswer,
     DesignAnswer,
     DesignsAnswer,
+    SolverLog,
     Source,
     TaskList,
     TaskResult,
@@ -22,6 +23,16 @@ from shared.contracts.results import (
 )
 
 router = APIRouter(prefix="/v1/applications/{application_id}", tags=["results"])
+
+CSV_COLUMNS = (
+    "joint_position_rad",
+    "joint_speed_rad_s",
+    "joint_torque_Nm",
+    "current_d_A",
+    "current_q_A",
+    "voltage_d_V",
+    "voltage_q_V",
+)
 
 Cursor = Annotated[int, Query(ge=0, description="`next_cursor` of the page before")]
 
@@ -52,6 +63,12 @@ def get_trajectory(
     return Response(trajectory.model_dump_json(), media_type="application/json")
 
 
+@router.get("/tasks/{task}/log")
+def get_log(application_id: str, task: int, ctx: Ctx, method: Source | None = None) -> SolverLog:
+    """Attempts and solver iterations of a motion, failed ones included."""
+    return results.log(ctx.engine, application_id, task, method)
+
+
 @router.get("/design")
 def get_design(application_id: str, ctx: Ctx, method: MethodName | None = None) -> DesignAnswer:
     """The final design: dimensions, parameters, constraints and what binds, motor by motor."""
@@ -72,11 +89,10 @@ def get_comparison(application_id: str, ctx: Ctx) -> ComparisonAnswer:
 
 def _csv(trajectory: dict[str, Any]) -> str:
     """One row a point; a column a quantity and joint, such as joint_position_rad_1."""
-    columns = [name for name, values in trajectory.items() if values and isinstance(values, list) and name != "time_s"]
-    joints = len(trajectory[columns[0]][0])
+    joints = len(trajectory[CSV_COLUMNS[0]][0])
     out = io.StringIO()
     writer = csv.writer(out)
-    writer.writerow(["time_s", *(f"{name}_{k + 1}" for name in columns for k in range(joints))])
+    writer.writerow(["time_s", *(f"{name}_{k + 1}" for name in CSV_COLUMNS for k in range(joints))])
     for point, time in enumerate(trajectory["time_s"]):
-        writer.writerow([time, *(value for name in columns for value in trajectory[name][point])])
+        writer.writerow([time, *(value for name in CSV_COLUMNS for value in trajectory[name][point])])
     return out.getvalue()

@@ -31,6 +31,7 @@ for command in (
     remote.designs,
     remote.comparison,
     remote.cancel,
+    remote.retry,
 ):
     app.command(rich_help_panel=SERVER)(command)
 

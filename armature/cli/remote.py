@@ -127,6 +127,16 @@ def cancel(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) ->
         output().print(f"{found.id} had ended before: {found.state}")
 
 
+def retry(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
+    """Do again what failed, died or was cancelled, and what depends on it; what is good stays."""
+    with _application(url, application_id) as application:
+        found = application.retry()
+    if as_json:
+        print_json(found)
+    else:
+        output().print(f"{found.id} {found.state}; follow it with: armature watch {found.id}")
+
+
 def list_applications(
     state: Annotated[ApplicationState | None, typer.Option(help="Only those in this state.")] = None,
     tag: Annotated[str | None, typer.Option(help="Only those with this tag.")] = None,

@@ -17,7 +17,7 @@ from services.jobs.views import NotFoundError, load, objective_unit
 from services.jobs.work import MILLIMETRE
 from shared.contracts import results as wire
 from shared.db.engine import reading
-from shared.db.tables import Application, Design, Job, Result
+from shared.db.tables import Application, Design, Result
 from shared.domain import Stage
 
 CONTROL = {
@@ -133,27 +133,52 @@ def _totals(summaries: list[dict[str, Any]], design_mm: list[list[float]] | None
     )
 
 
+def log(engine: Engine, application_id: str, task: int, method: str | None) -> wire.SolverLog:
+    """How the solver came to a motion, or failed to."""
+    with reading(engine) as session:
+        application, resolved = load(session, application_id)
+        name = method or resolved.method
+        found = _result(session, application, task, name)
+    if found is None:
+        raise NotFoundError(f"task {task} has not been solved with method {name}")
+    iterations = [
+        wire.SolverIteration(attempt=attempt, iteration=iteration, objective=objective)
+        for attempt, iteration, objective in found.log
+    ]
+    how = found.summary
+    return wire.SolverLog(
+        application_id=application_id,
+        task=task,
+        method=name,
+        solver_status=how.get("solver_status"),
+        reason=how.get("reason"),
+        attempts=how.get("attempts", []),
+        iterations=iterations,
+    )
+
+
+def _result(session: Session, application: Application, task: int, method: str) -> Result | None:
+    return session.scalars(
+        select(Result).where(
+            Result.application_id == application.id,
+            Result.generation == application.generation,
+            Result.stage == (Stage.CODESIGN if method == OWN else Stage.MOTIONS),
+            Result.method == ("" if method == OWN else method),
+            Result.task_index == task,
+        )
+    ).one_or_none()
+
+
 def trajectory(engine: Engine, application_id: str, task: int, method: str | None) -> wire.Trajectory:
     """A motion on its grid: the task's own (method `own`), or with a method's design (default: the application's)."""
     with reading(engine) as session:
         application, resolved = load(session, application_id)
         name = method or resolved.method
-        stage = Stage.CODESIGN if name == OWN else Stage.MOTIONS
-        row = session.execute(
-            select(Result.arrays, Job.state, Job.reason)
-            .join(Job, Job.id == Result.job_id)
-            .where(
-                Result.application_id == application.id,
-                Result.generation == application.generation,
-                Result.stage == stage,
-                Result.method == ("" if name == OWN else name),
-                Result.task_index == task,
-            )
-        ).one_or_none()
-    if row is None or row.arrays is None:
-        why = "" if row is None or row.reason is None else f": {row.reason}"
+        found = _result(session, application, task, name)
+    if found is None or found.arrays is None:
+        why = "" if found is None or found.summary.get("reason") is None else f": {found.summary['reason']}"
         raise NotFoundError(f"there is no motion of task {task} with method {name}{why}")
-    motion, design = unpack_motion(row.arrays)
+    motion, design = unpack_motion(found.arrays)
     return wire.Trajectory(
         application_id=application_id,
         task=task,
@@ -166,7 +191,7 @@ def trajectory(engine: Engine, application_id: str, task: int, method: str | Non
         current_q_A=motion.current_q.tolist(),
         voltage_d_V=motion.voltage_d.tolist(),
         voltage_q_V=motion.voltage_q.tolist(),
-        control=_control(unpack_law(row.arrays)),
+        control=_control(unpack_law(found.arrays)),
         design_mm=(design / MILLIMETRE).tolist(),
         scheme=resolved.transcription.scheme,
         degree=resolved.transcription.degree,

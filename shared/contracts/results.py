@@ -328,3 +328,23 @@ class Trajectory(BaseModel):
     design_mm: list[list[float]] = Field(description="the motors of this motion, one row each")
     scheme: str
     degree: int
+
+
+class SolverIteration(BaseModel):
+    """One iteration of the solver."""
+
+    attempt: int = Field(description="0, 1, ... along the ladder of attempts")
+    iteration: int
+    objective: float = Field(description="the program's, scaled")
+
+
+class SolverLog(BaseModel):
+    """How a solve went: its attempts, and its last iterations."""
+
+    application_id: str
+    task: int
+    method: str
+    solver_status: str | None
+    reason: str | None
+    attempts: list[dict[str, Any]]
+    iterations: list[SolverIteration]

@@ -142,6 +142,9 @@ def test_an_application_from_submission_to_design(http: httpx.Client) -> None:
     assert len(rows) == 1 + len(trajectory["time_s"])
     assert len(rows[0].split(",")) == 1 + 7 * 6
     assert http.get(f"{path}/tasks/2/trajectory").status_code == 404
+    log = http.get(f"{path}/tasks/1/log", params={"method": "own"}).json()
+    assert [line["iteration"] for line in log["iterations"]] == list(range(len(log["iterations"])))
+    assert http.get(f"{path}/tasks/3/log", params={"method": "own"}).json()["reason"] == reasons["too heavy"]
 
 
 def test_cancel_stops_the_running_solves(http: httpx.Client) -> None:
