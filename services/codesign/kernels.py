@@ -106,13 +106,21 @@ def _load(robot: Robot, layout: IntervalLayout, library: Path) -> Kernels:
 
 def build_library(library: Path, functions: Callable[[], dict[str, ca.Function]]) -> bool:
     """Compile functions into a shared library, unless it is there; False where there is no compiler."""
+    return build_once(library, lambda compiler: _compile(functions(), compiler, library))
+
+
+def build_once(library: Path, build: Callable[[str], None]) -> bool:
+    """Have `build` make a library with a compiler, unless it is there; False where there is no compiler.
+
+    `build` moves the library into place in one step, for others may look for it meanwhile.
+    """
     if library.exists():
         return True
     if (compiler := _compiler()) is None:
         return False
     with _build_lock(library):
         if not library.exists():
-            _compile(functions(), compiler, library)
+            build(compiler)
     return True
 
 
@@ -211,7 +219,7 @@ def _compile(functions: dict[str, ca.Function], compiler: str, library: Path) ->
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         objects = list(_map_threads(lambda item: _object(item[0], item[1], compiler, folder), functions.items()))
         built = str(Path(folder) / "kernels.so")
-        _run([compiler, *COMPILER_FLAGS, *objects, "-o", built, "-lm"])
+        run_compiler([compiler, *COMPILER_FLAGS, *objects, "-o", built, "-lm"])
         os.replace(built, library)
 
 
@@ -220,7 +228,7 @@ def _object(name: str, function: ca.Function, compiler: str, folder: str) -> str
     generator.add(function)
     generator.generate(f"{folder}/")
     target = f"{folder}/{name}.o"
-    _run([compiler, *(f for f in COMPILER_FLAGS if f != "-shared"), "-c", f"{folder}/{name}.c", "-o", target])
+    run_compiler([compiler, *(f for f in COMPILER_FLAGS if f != "-shared"), "-c", f"{folder}/{name}.c", "-o", target])
     return target
 
 
@@ -229,7 +237,8 @@ def _map_threads(call: Any, items: Iterable[Any]) -> Iterable[Any]:
         yield from pool.map(call, items)
 
 
-def _run(command: list[str]) -> None:
+def run_compiler(command: list[str]) -> None:
+    """Run the compiler; RuntimeError with what it said when it fails."""
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(f"the C compiler failed: {' '.join(command)}\n{done.stderr.strip()}")

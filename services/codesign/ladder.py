@@ -73,7 +73,7 @@ class _Climber:
             attempt=len(self.attempts),
             deadline=self.deadline,
         )
-        self.attempts.append(Attempt(name, outcome.status, outcome.iterations, outcome.seconds))
+        self.attempts.append(Attempt(name, outcome.status, outcome.iterations, outcome.seconds, outcome.linear_solver))
         return outcome
 
 

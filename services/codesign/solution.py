@@ -22,6 +22,7 @@ class Attempt:
     status: str  # IPOPT's return_status
     iterations: int
     seconds: float
+    linear_solver: str  # "staged", or "mumps" where that cannot be had
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """One call of IPOPT on a program, with solver objects that live as long as the process.
 
 A solver object depends on the program and the options alone; tasks differ in numbers, so nothing is rebuilt for a
-task. IPOPT's MUMPS is not safe with threads: one solve per process at a time, and a second one is refused.
+task. IPOPT's linear systems are factorised stage by stage (`staged_ldl`), or by MUMPS where there is no compiler or
+that fails. Neither is safe with threads: one solve per process at a time, and a second one is refused.
 """
 
 from __future__ import annotations
@@ -17,9 +18,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from services.codesign.elimination import elimination
 from services.codesign.guess import Guess
 from services.codesign.instance import Instance
 from services.codesign.program import Program
+from services.codesign.staged_ldl import StagedLDL, load_staged_ldl
 
 SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level", "Feasible_Point_Found")
 """Statuses of IPOPT that come with an answer."""
@@ -29,6 +32,12 @@ OUT_OF_TIME = "Maximum_WallTime_Exceeded"
 
 INTERRUPTED = "NonIpopt_Exception_Thrown"
 """What IPOPT says when a signal handler raised in the middle of an evaluation; CasADi drops the exception itself."""
+
+LINEAR_ALGEBRA_FAILED = ("Internal_Error", "Error_In_Step_Computation", "Invalid_Option")
+"""Statuses after which MUMPS has a try."""
+
+STAGED, MUMPS = "staged", "mumps"
+"""Linear solvers by name."""
 
 METIS = 5
 """MUMPS' number for the METIS ordering: 45 percent less time than its own choice (MODEL section 4)."""
@@ -70,6 +79,7 @@ class Outcome:
     objective: float  # the program's, scaled
     iterations: int
     seconds: float
+    linear_solver: str  # STAGED or MUMPS
 
     @property
     def success(self) -> bool:
@@ -125,7 +135,7 @@ class _Solver:
     monitor: _Monitor
 
 
-_SOLVERS: dict[tuple[int, SolverOptions, bool], _Solver] = {}
+_SOLVERS: dict[tuple[int, SolverOptions, bool, str], _Solver] = {}
 _BUSY = threading.Lock()
 
 
@@ -155,19 +165,38 @@ def run(
     BaseException
         Whatever `progress` raised.
     """
-    warm = start.lam_x is not None and start.lam_g is not None
     if not _BUSY.acquire(blocking=False):
-        raise RuntimeError("a solve is running in this process already: MUMPS is not safe with threads")
+        raise RuntimeError("a solve is running in this process already: the linear algebra is not safe with threads")
     try:
-        solver = _solver(program, options, warm)
-        solver.monitor.begin(progress, attempt, deadline)
-        began = time.perf_counter()
-        with _interrupts_kept(solver.monitor):
-            result = solver.function(**_arguments(instance, start))
-        seconds = time.perf_counter() - began
-        stats = solver.function.stats()
+        staged, watch = load_staged_ldl(), (progress, attempt, deadline)
+        outcome = _run_with(staged, program, instance, start, options, watch=watch)
+        if staged is not None and outcome.status in LINEAR_ALGEBRA_FAILED:
+            outcome = _run_with(None, program, instance, start, options, watch=watch)
+        return outcome
     finally:
         _BUSY.release()
+
+
+def _run_with(
+    staged: StagedLDL | None,
+    program: Program,
+    instance: Instance,
+    start: Guess,
+    options: SolverOptions,
+    *,
+    watch: tuple[Progress | None, int, float],
+) -> Outcome:
+    """Run IPOPT with our factorisation, or with MUMPS when there is none."""
+    warm = start.lam_x is not None and start.lam_g is not None
+    solver = _solver(program, options, warm, staged)
+    solver.monitor.begin(*watch)
+    if staged is not None:
+        staged.hand_over(elimination(program, instance))
+    began = time.perf_counter()
+    with _interrupts_kept(solver.monitor):
+        result = solver.function(**_arguments(instance, start))
+    seconds = time.perf_counter() - began
+    stats = solver.function.stats()
     if solver.monitor.error is not None:
         raise solver.monitor.error
     return Outcome(
@@ -178,6 +207,7 @@ def run(
         objective=float(result["f"]),
         iterations=int(stats["iter_count"]),
         seconds=seconds,
+        linear_solver=MUMPS if staged is None else STAGED,
     )
 
 
@@ -213,23 +243,27 @@ def _arguments(instance: Instance, start: Guess) -> dict[str, np.ndarray]:
     return numbers
 
 
-def _solver(program: Program, options: SolverOptions, warm: bool) -> _Solver:
-    key = (id(program), options, warm)
+def _solver(program: Program, options: SolverOptions, warm: bool, staged: StagedLDL | None) -> _Solver:
+    key = (id(program), options, warm, MUMPS if staged is None else str(staged.path))
     if key not in _SOLVERS:
         monitor = _Monitor(program)
-        function = ca.nlpsol("solve", "ipopt", program.nlp, _casadi_options(program, options, warm, monitor))
+        casadi_options = _casadi_options(program, options, warm, staged, monitor)
+        function = ca.nlpsol("solve", "ipopt", program.nlp, casadi_options)
         _SOLVERS[key] = _Solver(program, function, monitor)
     return _SOLVERS[key]
 
 
-def _casadi_options(program: Program, options: SolverOptions, warm: bool, monitor: _Monitor) -> dict[str, Any]:
+def _casadi_options(
+    program: Program, options: SolverOptions, warm: bool, staged: StagedLDL | None, monitor: _Monitor
+) -> dict[str, Any]:
     ipopt: dict[str, Any] = {
         "tol": options.tol,
         "max_iter": options.max_iter,
         "max_wall_time": options.max_wall_time,
-        "mumps_pivot_order": METIS,
+        "min_refinement_steps": 0,  # a solution is refined when its residual asks for it
         "print_level": 0,
         "sb": "yes",
+        **({"mumps_pivot_order": METIS} if staged is None else staged.ipopt_options),
     }
     if warm:
         ipopt |= {

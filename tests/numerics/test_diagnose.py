@@ -17,7 +17,7 @@ from services.codesign.program import load_program
 from services.codesign.reconcile import feasible_design, project_design, violation
 from services.codesign.solution import NOT_ATTEMPTED
 from services.codesign.solve import SolverOptions, solve
-from services.codesign.solver import Outcome
+from services.codesign.solver import MUMPS, Outcome
 from services.codesign.strongest_motor import strongest_motor, strongest_torque
 from tests.numerics.tasks import UR5, paper_problem, paper_task, solved
 
@@ -127,7 +127,7 @@ def test_the_largest_violation_is_put_in_words(row, words):
     lower, upper = instance.lower_g.copy(), instance.upper_g.copy()
     lower[target], upper[target] = 0.5, 0.5
     moved = replace(instance, lower_g=lower, upper_g=upper)
-    outcome = Outcome("Infeasible_Problem_Detected", solution.x, solution.lam_x, solution.lam_g, 0.0, 10, 0.1)
+    outcome = Outcome("Infeasible_Problem_Detected", solution.x, solution.lam_x, solution.lam_g, 0.0, 10, 0.1, MUMPS)
     reason = explain_failure(solution.problem, program, moved, outcome, options=SolverOptions(), progress=None)
     assert words in reason
     assert "20% into the motion" in reason
