@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from math import comb
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -26,6 +27,18 @@ class Collocation:
     differentiation: np.ndarray  # (d, d + 1)
     end: np.ndarray  # (d + 1,) value at 1
     weights: np.ndarray  # (d,) quadrature weights on the points, sum 1
+
+    @property
+    def bernstein(self) -> np.ndarray:
+        """Bernstein coefficients of the polynomial through y_0..y_d are this matrix times y, (d + 1, d + 1)."""
+        d, nodes = self.degree, np.concatenate([[0.0], self.points])
+        values = [[comb(d, k) * c**k * (1 - c) ** (d - k) for k in range(d + 1)] for c in nodes]
+        inverse: np.ndarray = np.linalg.inv(np.array(values))
+        return inverse
+
+    def at(self, share: float) -> np.ndarray:
+        """Weights (d + 1,) of y_0..y_d in the polynomial's value at a share of the interval, 0..1."""
+        return np.array([basis(share) for basis in lagrange_basis(np.concatenate([[0.0], self.points]))])
 
     @property
     def ends_on_point(self) -> bool:

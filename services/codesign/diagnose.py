@@ -158,6 +158,8 @@ def _equation(problem: Problem, program: Program, row: int, amount: float) -> st
     layout, n, scales = program.layout, problem.robot.joints, scales_of(problem)
     group, k = divmod(row, n)
     per_point = layout.point_size // n
+    if group >= layout.equalities // n + 2 * len(layout.voltage_checks):
+        return f"the speed of joint {k + 1} is {amount * scales.speed[k]:.3g} rad/s over its limit between points"
     if group >= layout.equalities // n:
         return f"the voltage of motor {k + 1} is {amount * scales.voltage:.3g} V over its limit"
     if group >= layout.degree * per_point:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from services.codesign.arm import Arm, build_arm
 from services.codesign.collocation import Collocation, collocation
@@ -24,6 +25,9 @@ from services.codesign.robot import Robot
 
 Expression = Any
 
+ROUNDING = 1e-12
+"""Size below which a collocation weight is zero: a polynomial's value at one of its own nodes."""
+
 CONTROLS = ("voltage", "current")
 DYNAMICS = ("inverse", "forward")
 
@@ -34,7 +38,7 @@ class IntervalLayout:
 
     Voltage control (the paper): the state at every point, then the interval's constant voltages.
     Current control: (q, qd) at every point, then the currents at the interval's end, linear in between; voltages
-    follow from the motor's equations.
+    follow from the motor's equations. They and the speeds are bounded between the points too (MODEL section 5).
     With Legendre points the state at the interval's end follows the points.
     """
 
@@ -87,9 +91,19 @@ class IntervalLayout:
         return self.point_size * self.stops
 
     @property
+    def voltage_checks(self) -> tuple[float, ...]:
+        """Shares of the interval at which voltages that follow from the currents are bounded: its ends and the points.
+
+        The voltage jumps where the currents have a kink, so that the start needs a bound of its own.
+        """
+        return tuple(np.union1d([0.0, 1.0], self.collocation.points).tolist())
+
+    @property
     def inequalities(self) -> int:
-        """Voltages at the points, where they are not variables themselves."""
-        return 0 if self.control == "voltage" else 2 * self.joints * self.degree
+        """With current control: voltages at the checks, and speeds between the points."""
+        if self.control == "voltage":
+            return 0
+        return self.joints * (2 * len(self.voltage_checks) + self.degree - 1)
 
     @property
     def end_state(self) -> list[int]:
@@ -210,21 +224,32 @@ def _current_path(
     points = stops[: layout.degree + 1]
     first, last = start[2 * n :] * p["current_scale"], variables[2 * n * layout.stops :] * p["current_scale"]
     di = (last - first) / h
-    defects, voltages, effort = [], [], ca.SX(0)
+
+    def voltages(share: float, qd: Expression) -> Expression:
+        """Eq. (1) along the ramp of the currents."""
+        current = first + share * (last - first)
+        steady_d, steady_q = steady_voltages(current[:n], current[n:], p["gear_ratio"] * qd, motor, P)
+        return ca.vertcat(steady_d + motor.inductance * di[:n], steady_q + motor.inductance * di[n:])
+
+    defects, effort = [], ca.SX(0)
     for j, row in enumerate(scheme.differentiation):
         x, slope = points[j + 1], _combine(row, points)
         q, qd = x[:n], x[n:] * p["speed_scale"]
-        current = first + scheme.points[j] * (last - first)
-        i_d, i_q = current[:n], current[n:]
+        i_q = (first + scheme.points[j] * (last - first))[n:]
         defects.append(_kinematic_defect(x, slope, h, p, n))
         defects.append(_dynamic_defect(plant, q, qd, slope[n:] * p["speed_scale"] / h, i_q))
-        steady_d, steady_q = steady_voltages(i_d, i_q, p["gear_ratio"] * qd, motor, P)
-        u = ca.vertcat(steady_d + motor.inductance * di[:n], steady_q + motor.inductance * di[n:])
-        voltages.append(u / p["voltage_scale"])
+        u = voltages(scheme.points[j], qd)
         effort = effort + h * scheme.weights[j] * ca.dot(u, u)
     if layout.has_end_state:
         defects.append(stops[-1] - _combine(scheme.end, points))
-    return ca.vertcat(*defects, *voltages), effort
+    speeds = [stop[n:] for stop in points]  # scaled
+    bounded = [
+        voltages(share, _combine(scheme.at(share), speeds) * p["speed_scale"]) / p["voltage_scale"]
+        for share in layout.voltage_checks
+    ]
+    # A polynomial lies between its Bernstein coefficients; the first and the last are its ends, bounded already.
+    bounded += [_combine(row, speeds) for row in scheme.bernstein[1:-1]]
+    return ca.vertcat(*defects, *bounded), effort
 
 
 def demand_expressions(robot: Robot) -> tuple[list[Expression], list[Expression]]:
@@ -248,7 +273,9 @@ def demand_expressions(robot: Robot) -> tuple[list[Expression], list[Expression]
 
 
 def _combine(row: Any, points: list[Expression]) -> Expression:
-    return sum(float(weight) * point for weight, point in zip(row, points, strict=True))
+    """Weighted sum; weights that are zero but for rounding are left out, and with them their places in Jacobians."""
+    pairs = zip(row, points, strict=True)
+    return sum(float(weight) * point for weight, point in pairs if abs(weight) > ROUNDING)
 
 
 def _physical(x: Expression, p: dict[str, Expression], n: int) -> tuple[Expression, ...]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 import pytest
+from numpy.polynomial import Polynomial
 from scipy.integrate import solve_ivp
 
 from services.codesign.collocation import DEGREES, SCHEMES, collocation
@@ -259,13 +261,46 @@ def test_voltages_of_the_current_ramp_are_the_motor_equations():
     R, L, Phi, P = motor.phase_resistance, motor.inductance, motor.flux_linkage, 4
     first, last = start[2:], variables[-2:]
     rate = (last - first) / (T * share)
-    expected = []
-    for c, qd in zip(collocation("radau", 3).points, variables[1:6:2], strict=True):
+    nodes, qd = np.concatenate([[0.0], collocation("radau", 3).points]), np.array([start[1], *variables[1:6:2]])
+    speed = Polynomial.fit(nodes, qd, 3, domain=(0, 1), window=(0, 1))
+
+    def voltages(c: float) -> list[float]:
         i_d, i_q = first + c * (last - first)
-        omega = GEAR * qd
-        expected.append(
-            [R * i_d - P * omega * L * i_q + L * rate[0], R * i_q + P * omega * (L * i_d + Phi) + L * rate[1]]
-        )
-    assert constraints[layout.equalities :] == pytest.approx(np.ravel(expected), rel=1e-12)  # rounding
-    integral = T * share * collocation("radau", 3).weights @ np.sum(np.square(expected), axis=1)
-    assert effort == pytest.approx(integral, rel=1e-12)
+        omega = GEAR * speed(c)
+        return [R * i_d - P * omega * L * i_q + L * rate[0], R * i_q + P * omega * (L * i_d + Phi) + L * rate[1]]
+
+    found = constraints[layout.equalities :]
+    assert found[:8] == pytest.approx(np.ravel([voltages(c) for c in nodes]), rel=1e-11)  # rounding
+    at_points = np.square([voltages(c) for c in nodes[1:]])
+    assert effort == pytest.approx(T * share * collocation("radau", 3).weights @ at_points.sum(axis=1), rel=1e-11)
+    # The rest bounds the speed between the points: with its ends, the coefficients of its Bernstein form.
+    coefficients = [qd[0], *found[8:], qd[-1]]
+    basis = [math.comb(3, k) * Polynomial([0, 1]) ** k * Polynomial([1, -1]) ** (3 - k) for k in range(4)]
+    through = sum(b * c for b, c in zip(basis, coefficients, strict=True))
+    assert through.coef == pytest.approx(speed.coef, rel=1e-10)
+
+
+@pytest.mark.parametrize(("scheme", "degree"), EVERY)
+def test_bernstein_coefficients_enclose_and_reproduce(scheme, degree):
+    s, rng = collocation(scheme, degree), np.random.default_rng(degree)
+    nodes, share = np.concatenate([[0.0], s.points]), np.linspace(0, 1, 50)
+    values = rng.normal(size=degree + 1)
+    coefficients = s.bernstein @ values
+    along = np.array([s.at(c) @ values for c in share])
+    assert along.max() <= coefficients.max() + ROUNDING
+    assert along.min() >= coefficients.min() - ROUNDING
+    for c, value in zip(nodes, values, strict=True):
+        assert s.at(c) @ values == pytest.approx(value, abs=1e2 * ROUNDING)
+        terms = [math.comb(degree, k) * c**k * (1 - c) ** (degree - k) for k in range(degree + 1)]
+        assert terms @ coefficients == pytest.approx(value, abs=1e2 * ROUNDING)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "degree", "checks"),
+    [("radau", 1, [0, 1]), ("radau", 2, [0, 1 / 3, 1]), ("legendre", 1, [0, 0.5, 1])],
+)
+def test_voltages_that_follow_are_bounded_at_the_ends_and_the_points(scheme, degree, checks):
+    layout = IntervalLayout(1, scheme, degree, "current")
+    assert layout.voltage_checks == pytest.approx(checks)
+    assert layout.inequalities == 2 * len(checks) + degree - 1
+    assert replace(layout, control="voltage").inequalities == 0
