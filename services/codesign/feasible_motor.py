@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from services.codesign.motor import constraint_limits, evaluate_motor
@@ -9,6 +11,7 @@ from services.codesign.motor_data import CONSTRAINTS, MotorData
 from services.codesign.reconcile import project_design
 
 
+@lru_cache(maxsize=64)
 def motor_obstacle(motor: MotorData) -> str | None:
     """None when a feasible motor exists; otherwise what the nearest one found still breaks.
 

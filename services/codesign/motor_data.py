@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -127,6 +127,11 @@ class MotorData:
                 limits = [low / _MM, high / _MM]
                 raise MotorDataError(f"bounds_mm.{name}", limits, "must be finite, above 0, the lower one first")
 
+    def __hash__(self) -> int:
+        """By value, `bounds` included, so that what depends on the motor data alone can be kept."""
+        names = (field.name for field in fields(self) if field.name != "bounds")
+        return hash((*(getattr(self, name) for name in names), *sorted(self.bounds.items())))
+
     @property
     def slots_per_phase(self) -> int:
         """q_1 = Q / m."""
@@ -180,6 +185,11 @@ class MotorData:
     def with_bounds(self, bounds: Mapping[str, tuple[float, float]]) -> MotorData:
         """A copy with some bounds [m] replaced."""
         return replace(self, bounds={**self.bounds, **bounds})
+
+    def to_wire(self) -> dict[str, Any]:
+        """Every constant, limit and bound in the form that `from_wire` reads."""
+        constants = {key: getattr(self, name) / unit for key, (name, unit) in _WIRE.items()}
+        return {**constants, "bounds_mm": {name: [end / _MM for end in ends] for name, ends in self.bounds.items()}}
 
     @classmethod
     def from_wire(cls, wire: Mapping[str, Any]) -> MotorData:

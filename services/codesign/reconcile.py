@@ -50,6 +50,7 @@ def project_design(target: np.ndarray, motor: MotorData) -> Projection:
     )
 
 
+@lru_cache(maxsize=64)
 def feasible_design(motor: MotorData) -> np.ndarray:
     """A design inside the feasible set for one motor, shape (7,) m: the one nearest to the geometric mid-bounds.
 
@@ -62,6 +63,7 @@ def feasible_design(motor: MotorData) -> np.ndarray:
     if not projection.feasible:
         raise ValueError("no motor satisfies the design bounds and constraints (2) and (3c) together")
     design: np.ndarray = projection.design[0]
+    design.setflags(write=False)  # it is kept, and handed out again
     return design
 
 
