@@ -46,6 +46,15 @@ class EnergyBalance:
 
 
 @dataclass(frozen=True)
+class Growth:
+    """Where the errors come from: per interval, shape (N,), largest over the joints."""
+
+    position: np.ndarray  # rad, change over the interval of the difference between replay and motion
+    speed: np.ndarray  # rad/s, the same
+    excess: np.ndarray  # share of a limit, largest over the limits, by the replay within the interval
+
+
+@dataclass(frozen=True)
 class Certificate:
     """What is known of a motion. Replay figures are the largest over the joints; None when the replay broke off."""
 
@@ -60,6 +69,7 @@ class Certificate:
     kkt_residual: float  # scaled; from the program's functions with the multipliers
     constraint_violation: float  # scaled; of the program at the solution
     law: VoltageLaw
+    growth: Growth | None
 
     @property
     def limit_violation(self) -> float:
@@ -104,6 +114,7 @@ def certify(solution: Solution) -> Certificate:
         kkt_residual=solution.kkt_residual,
         constraint_violation=solution.constraint_violation,
         law=law,
+        growth=None if found is None else _growth(problem, motion, found),
     )
 
 
@@ -132,17 +143,37 @@ def _limit_checks(problem: Problem, motion: Motion, found: Replay | None) -> dic
     return {kind: LimitCheck(at_points[kind], between[kind]) for kind in LIMITS}
 
 
+def _growth(problem: Problem, motion: Motion, found: Replay) -> Growth:
+    ends = slice(problem.layout.stops, None, problem.layout.stops)
+
+    def over_interval(replayed: np.ndarray, planned: np.ndarray) -> np.ndarray:
+        difference = replayed[:, -1] - planned[ends]
+        change: np.ndarray = np.abs(np.diff(difference, axis=0, prepend=0)).max(axis=1)
+        return change
+
+    excess = np.stack([share.max(axis=(1, 2)) for share in _excess(problem, found).values()])
+    return Growth(
+        position=over_interval(found.position, motion.position),
+        speed=over_interval(found.speed, motion.speed),
+        excess=np.maximum(excess.max(axis=0), 0.0),
+    )
+
+
 def _exceeded(problem: Problem, x: Motion | Replay) -> dict[str, float]:
     """Largest excess over each kind of limit, as a share of it; 0 when it is kept."""
+    return {kind: max(float(share.max()), 0.0) for kind, share in _excess(problem, x).items()}
+
+
+def _excess(problem: Problem, x: Motion | Replay) -> dict[str, np.ndarray]:
+    """Excess over each kind of limit at every place and joint, as a share of it; below 0 where it is kept."""
     robot, motor = problem.robot, problem.motor
     outside = np.maximum(robot.joint_lower - x.position, x.position - robot.joint_upper)
-    shares = {
+    return {
         "joint_range": outside / (robot.joint_upper - robot.joint_lower),
         "rotor_speed": np.abs(x.speed) / robot.joint_speed_limit - 1,
         "current": np.maximum(np.abs(x.current_d), np.abs(x.current_q)) / motor.current_limit - 1,
         "voltage": np.maximum(np.abs(x.voltage_d), np.abs(x.voltage_q)) / motor.voltage_limit - 1,
     }
-    return {kind: max(float(share.max()), 0.0) for kind, share in shares.items()}
 
 
 def _electrical_balance(e: Energies) -> EnergyBalance:

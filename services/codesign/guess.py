@@ -68,7 +68,7 @@ def quintic_guess(
     low, high = problem.final_time_bounds
     shortest = low if low == high else _shortest_time(problem, program, instance, design)
     final_time = float(np.clip(time_factor * shortest, low, high))
-    stops, tails = _shares(program)
+    stops, tails = _shares(problem)
     q, qd, _ = quintic(problem, final_time, stops)
     i_q, u_d, u_q = motor_demand(problem, program, instance, design, quintic(problem, final_time, stops))
     states = [q, qd / scales_of(problem).speed]
@@ -86,7 +86,7 @@ def quintic_guess(
 
 def motion_guess(problem: Problem, program: Program, instance: Instance, design: np.ndarray, motion: Motion) -> Guess:
     """Start from a known motion, on any grid, with a design of shape (n, 7) [m]."""
-    scales, (stops, tails) = scales_of(problem), _shares(program)
+    scales, (stops, tails) = scales_of(problem), _shares(problem)
     low, high = problem.final_time_bounds
     known = motion.time / motion.final_time
 
@@ -105,12 +105,13 @@ def motion_guess(problem: Problem, program: Program, instance: Instance, design:
     )
 
 
-def _shares(program: Program) -> tuple[np.ndarray, np.ndarray]:
+def _shares(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     """Shares of t_f at the stops, (N stops,), and at the intervals' ends where the last N variables belong, (N,)."""
-    layout, N = program.layout, program.intervals
+    layout, widths = problem.layout, problem.transcription.shares
     inside = np.concatenate([layout.collocation.points, [1.0]])[: layout.stops]
-    stops = ((np.arange(N)[:, None] + inside) / N).ravel()
-    return stops, (np.arange(N) + 1) / N
+    ends = np.cumsum(widths)
+    stops = (ends - widths)[:, None] + widths[:, None] * inside
+    return stops.ravel(), ends
 
 
 def _assemble(

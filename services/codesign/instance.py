@@ -59,19 +59,11 @@ def scales_of(problem: Problem) -> Scales:
     return Scales(TYPICAL_DESIGN, robot.joint_speed_limit, motor.current_limit, motor.voltage_limit, torque)
 
 
-def build_instance(problem: Problem, program: Program, widths: np.ndarray | None = None) -> Instance:
-    """Assemble parameters and bounds.
-
-    Parameters
-    ----------
-    widths
-        Shape (N,), share of t_f of each interval; equal when None.
-    """
+def build_instance(problem: Problem, program: Program) -> Instance:
+    """Assemble parameters and bounds."""
     scales = scales_of(problem)
     lower_x, upper_x = _variable_bounds(problem, program, scales)
     lower_g, upper_g = _constraint_bounds(problem, program)
-    N = program.intervals
-    widths = np.full(N, 1 / N) if widths is None else widths
     robot, motor, task = problem.robot, problem.motor, problem.task
     start = np.concatenate([task.start, task.start_velocity, np.zeros(2 * robot.joints)]) / scales.state()
     parameters = np.concatenate(
@@ -85,7 +77,7 @@ def build_instance(problem: Problem, program: Program, widths: np.ndarray | None
             [scales.voltage],
             scales.torque,
             start,
-            widths,
+            problem.transcription.shares,
             objective_weights(problem),
         ]
     )

@@ -140,7 +140,7 @@ def _coarse(
     intervals = max(program.intervals // COARSE, COARSEST)
     if intervals >= program.intervals:
         return None
-    coarse = replace(problem, transcription=replace(problem.transcription, intervals=intervals))
+    coarse = replace(problem, transcription=replace(problem.transcription, intervals=intervals, widths=None))
     coarse_program = load_program(problem.robot, program.layout, intervals)
     coarse_instance = build_instance(coarse, coarse_program)
     guess = quintic_guess(coarse, coarse_program, coarse_instance, design)

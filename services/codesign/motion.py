@@ -43,12 +43,12 @@ def motors_of_design(design: np.ndarray, problem: Problem) -> MotorParameters:
     return MotorParameters(*(np.array(values) for values in zip(*motors, strict=True)))
 
 
-def read_motion(problem: Problem, program: Program, x: np.ndarray, widths: np.ndarray | None = None) -> Motion:
+def read_motion(problem: Problem, program: Program, x: np.ndarray) -> Motion:
     """The motion that a program's variables describe."""
     layout, scheme, N, n = program.layout, program.layout.collocation, program.intervals, problem.robot.joints
     scales = scales_of(problem)
     design, final_time, z = program.split(x)
-    h = final_time * (np.full(N, 1 / N) if widths is None else widths)
+    h = final_time * problem.transcription.shares
     starts = np.concatenate([[0.0], np.cumsum(h)])
     stop_shares = np.concatenate([scheme.points, [1.0]])[: layout.stops]
     time = np.concatenate([[0.0], (starts[:-1, None] + h[:, None] * stop_shares).ravel()])

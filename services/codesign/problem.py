@@ -69,6 +69,16 @@ class Transcription:
     intervals: int = 50
     control: str = "voltage"
     dynamics: str = "inverse"
+    widths: tuple[float, ...] | None = None  # share of t_f of each interval, sum 1; equal when None
+
+    def __post_init__(self) -> None:
+        if self.widths is not None and len(self.widths) != self.intervals:
+            raise ValueError(f"{len(self.widths)} widths for {self.intervals} intervals")
+
+    @property
+    def shares(self) -> np.ndarray:
+        """Share of t_f that each interval takes, shape (N,)."""
+        return np.full(self.intervals, 1 / self.intervals) if self.widths is None else np.array(self.widths)
 
     def layout(self, joints: int) -> IntervalLayout:
         """The layout of one interval for an arm of `joints` joints."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from services.codesign.accuracy import AccurateSolution, Round
 from services.codesign.certify import Certificate, EnergyBalance
 from services.codesign.problem import Accuracy, Transcription
 from services.codesign.replay import Energies
@@ -62,6 +63,30 @@ def certificate_wire(
         "intervals": transcription.intervals,
         "control": transcription.control,
     }
+
+
+def refinement_wire(step: Round) -> dict[str, Any]:
+    """One solve on the way to an accuracy."""
+    return {
+        "degree": step.transcription.degree,
+        "intervals": step.transcription.intervals,
+        "replay_position_rad": step.certificate.replay_position,
+        "replay_speed_rad_s": step.certificate.replay_speed,
+        "limit_violation": finite(step.certificate.limit_violation),
+    }
+
+
+def missed(found: AccurateSolution, accuracy: Accuracy) -> str:
+    """Why a motion that was solved is no result, in words."""
+    certificate, transcription = found.rounds[-1].certificate, found.rounds[-1].transcription
+    grid = f"{transcription.intervals} intervals of degree {transcription.degree}"
+    if certificate.replay_position is None or certificate.replay_speed is None:
+        return f"the motion was solved on {grid}, but its voltages cannot be replayed to the end"
+    return (
+        f"the accuracy asked for was not reached on {grid}: the replay ends {certificate.replay_position:.2g} rad and "
+        f"{certificate.replay_speed:.2g} rad/s off ({accuracy.position:g} rad and {accuracy.speed:g} rad/s allowed), "
+        f"and exceeds a limit by {certificate.limit_violation:.2%} ({accuracy.limit:.2%} allowed)"
+    )
 
 
 def _balances(certificate: Certificate) -> dict[str, Any] | None:

@@ -8,17 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from services.codesign.certify import certify
+from services.codesign.accuracy import solve_accurately
+from services.codesign.certify import Certificate, certify
 from services.codesign.design_sheet import design_sheet
 from services.codesign.measures import Measures
 from services.codesign.motor_data import MotorData
-from services.codesign.problem import Accuracy
+from services.codesign.problem import Accuracy, Problem
 from services.codesign.reconcile import mean_design, project_design
 from services.codesign.solution import Solution
 from services.codesign.solve import SolverOptions, solve, with_references
 from services.codesign.solver import STOPPED, IterationReport, Progress
 from services.jobs.arrays import pack
-from services.jobs.certificates import certificate_wire, energies_wire, finite, input_hash
+from services.jobs.certificates import certificate_wire, energies_wire, finite, input_hash, missed, refinement_wire
 from services.jobs.finish import Outcome
 from services.jobs.work import MILLIMETRE, Work
 from shared.domain import JobState, Stage
@@ -41,24 +42,47 @@ def execute(work: Work, options: SolverOptions, progress: Progress) -> Outcome:
         return progress(report)
 
     # Cold: the dynamic guess beats the task's own motion as a start for other motors (docs/performance.md).
-    solution = solve(problem, None, options, watched)
-    return replace(_outcome(work, solution), log=tuple(log))
+    outcome = _as_it_is if work.application.accuracy is None else _accurate
+    return replace(outcome(work, problem, options, watched), log=tuple(log))
 
 
-def _outcome(work: Work, solution: Solution) -> Outcome:
+def _as_it_is(work: Work, problem: Problem, options: SolverOptions, progress: Progress) -> Outcome:
+    """A transcription that was asked for: solved as it is, and marked when the replay misses the default accuracy."""
+    solution = solve(problem, None, options, progress)
     if not solution.success:
-        state = JobState.CANCELLED if solution.status == STOPPED else JobState.FAILED
-        return Outcome(state, solution.reason, summary=_how(solution))
+        return _failed(solution)
+    certificate = certify(solution)
+    wire = certificate_wire(certificate, Accuracy(), solution.problem.transcription, as_requested=True)
+    return _solved(work, solution, certificate, wire)
+
+
+def _accurate(work: Work, problem: Problem, options: SolverOptions, progress: Progress) -> Outcome:
+    """Refined until the replay meets the accuracy that was asked for; a motion that does not is no result."""
+    accuracy = work.application.accuracy
+    assert accuracy is not None
+    found = solve_accurately(problem, accuracy, options, progress)
+    solution, certificate = found.solution, found.certificate
+    if certificate is None:
+        return _failed(solution)
+    wire = certificate_wire(certificate, accuracy, solution.problem.transcription, as_requested=False)
+    wire["refinements"] = [refinement_wire(step) for step in found.rounds]
+    if not found.met:
+        return Outcome(JobState.FAILED, missed(found, accuracy), summary=_how(solution) | {"certificate": wire})
+    return _solved(work, solution, certificate, wire)
+
+
+def _failed(solution: Solution) -> Outcome:
+    state = JobState.CANCELLED if solution.status == STOPPED else JobState.FAILED
+    return Outcome(state, solution.reason, summary=_how(solution))
+
+
+def _solved(work: Work, solution: Solution, certificate: Certificate, wire: dict[str, Any]) -> Outcome:
     assert solution.measures is not None
     assert solution.design is not None
-    certificate = certify(solution)
     summary = _how(solution) | _measures(solution.measures)
     if certificate.energies is not None:
         summary |= energies_wire(certificate.energies)
-    summary["certificate"] = certificate_wire(
-        certificate, Accuracy(), solution.problem.transcription, as_requested=True
-    )
-    summary["certificate"]["input_hash"] = input_hash(work.application, work.spec.task_index, work.design)
+    summary["certificate"] = wire | {"input_hash": input_hash(work.application, work.spec.task_index, work.design)}
     objective = solution.problem.objective
     if objective.kind == "weighted":
         summary["references"] = {"time_s": objective.time_reference, "energy_V2s": objective.effort_reference}

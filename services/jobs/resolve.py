@@ -57,7 +57,7 @@ def resolve(request: ApplicationRequest, find_robot: RobotLookup, max_tasks: int
         tasks=tasks,
         grid=grid,
         motor=request.motor,
-        transcription=request.transcription,
+        transcription=request.transcription.filled_in(),
         methods=request.methods,
         empirical_task=chosen["empirical"],
         worst_case_task=chosen["worst_case"],

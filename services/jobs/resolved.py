@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from pydantic import ConfigDict
 
+from services.codesign.accuracy import FIRST
 from services.codesign.motor_data import MotorData
-from services.codesign.problem import Objective, Problem, Task, Transcription
+from services.codesign.problem import Accuracy, Objective, Problem, Task, Transcription
 from services.codesign.robot import Robot
 from shared.contracts.application import (
     GridRequest,
@@ -39,6 +40,7 @@ class ResolvedApplication(Strict):
     """Set when the tasks came as a grid (stroke major), for heat maps."""
     motor: MotorRequest
     transcription: TranscriptionRequest
+    """Filled in: an accuracy, or a transcription as it is."""
     methods: list[MethodName]
     """The application's method first, then those it is compared with."""
     empirical_task: int | None = None
@@ -61,14 +63,23 @@ class ResolvedApplication(Strict):
         """The motors' constants, bounds and limits."""
         return MotorData.from_wire(self.motor.to_wire())
 
+    @property
+    def accuracy(self) -> Accuracy | None:
+        """The accuracy that was asked for; None for a transcription as it is."""
+        asked = self.transcription.accuracy
+        return None if asked is None else Accuracy(asked.position_rad, asked.speed_rad_s, asked.limit)
+
     def build_problem(self, task_index: int, design: np.ndarray | None = None) -> Problem:
-        """The optimal control problem of one task, with `design` of shape (n, 7) [m] fixed when it is given."""
+        """The optimal control problem of one task, with `design` of shape (n, 7) [m] fixed when it is given.
+
+        Where an accuracy was asked for, the transcription is the one that is tried first.
+        """
         return Problem(
             robot=self.build_robot(),
             task=_task(self.tasks[task_index]),
             motor=self.build_motor(),
             objective=_objective(self.objective),
-            transcription=Transcription(**self.transcription.model_dump()),
+            transcription=FIRST if self.accuracy is not None else Transcription(**self.transcription.as_it_is),
             design=design,
         )
 

@@ -193,8 +193,8 @@ def trajectory(engine: Engine, application_id: str, task: int, method: str | Non
         voltage_q_V=motion.voltage_q.tolist(),
         control=_control(unpack_law(found.arrays)),
         design_mm=(design / MILLIMETRE).tolist(),
-        scheme=resolved.transcription.scheme,
-        degree=resolved.transcription.degree,
+        scheme=found.summary["certificate"]["scheme"],
+        degree=found.summary["certificate"]["degree"],
     )
 
 

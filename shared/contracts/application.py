@@ -7,9 +7,9 @@ Here a request is checked by itself. What needs the robot (number of joints, joi
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
 LONGEST_NAME = 200
 Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
@@ -94,16 +94,54 @@ class MotorRequest(Strict):
         return {key: value for key, value in given.items() if value != {}}
 
 
-class TranscriptionRequest(Strict):
-    """How the continuous problem becomes a program; the default is the paper's."""
+class AccuracyRequest(Strict):
+    """What a replay of each motion has to keep to; degree and grid are chosen so that it does."""
 
-    scheme: Literal["radau", "legendre"] = "radau"
-    degree: int = Field(1, ge=1, le=5)
-    intervals: int = Field(50, ge=2, le=MOST_INTERVALS)
-    control: Literal["voltage", "current"] = Field(
-        "voltage",
+    position_rad: float = Field(1e-3, ge=1e-8, le=1, description="replay to the task's end at t_f, largest joint")
+    speed_rad_s: float = Field(1e-2, ge=1e-7, le=10, description="replay to the task's end speed at t_f, largest joint")
+    limit: float = Field(1e-3, ge=1e-6, le=1, description="share by which a limit may be exceeded between points")
+
+
+class TranscriptionRequest(Strict):
+    """How the continuous problem becomes a program: an accuracy to keep, a preset, or a transcription as it is.
+
+    Left out, the accuracy of `AccuracyRequest`. Of a transcription that is given in part, the rest is the paper's.
+    """
+
+    accuracy: AccuracyRequest | None = Field(None, description="degree and grid are chosen and refined")
+    preset: Literal["paper"] | None = Field(None, description="paper: radau, degree 1, 50 intervals, voltage")
+    scheme: Literal["radau", "legendre"] | None = None
+    degree: int | None = Field(None, ge=1, le=5)
+    intervals: int | None = Field(None, ge=2, le=MOST_INTERVALS)
+    control: Literal["voltage", "current"] | None = Field(
+        None,
         description="voltage: constant on each interval (the paper); current: linear, with the voltages that follow",
     )
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Self:
+        given = [self.accuracy is not None, self.preset is not None, bool(self.as_it_is)]
+        if sum(given) > 1:
+            raise ValueError("must be an accuracy, a preset, or a scheme with its degree, intervals and control: one")
+        return self
+
+    @property
+    def as_it_is(self) -> dict[str, Any]:
+        """The fields of a transcription given as it is."""
+        given = {"scheme": self.scheme, "degree": self.degree, "intervals": self.intervals, "control": self.control}
+        return {name: value for name, value in given.items() if value is not None}
+
+    def filled_in(self) -> TranscriptionRequest:
+        """With every default: either `accuracy` alone, or scheme, degree, intervals and control."""
+        if self.accuracy is not None:
+            return self
+        if self.preset is None and not self.as_it_is:
+            return TranscriptionRequest(accuracy=AccuracyRequest())
+        return TranscriptionRequest(**(PAPER | self.as_it_is))
+
+
+PAPER: dict[str, Any] = {"scheme": "radau", "degree": 1, "intervals": 50, "control": "voltage"}
+"""The paper's transcription: implicit Euler on 50 intervals, voltages constant on each."""
 
 
 def _task_form(value: Any) -> str | None:

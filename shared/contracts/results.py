@@ -157,6 +157,16 @@ class Tolerance(BaseModel):
     limit: float = Field(description="share by which a limit may be exceeded")
 
 
+class Refinement(BaseModel):
+    """One solve on the way to the accuracy that was asked for, and what its replay found."""
+
+    degree: int
+    intervals: int
+    replay_position_rad: float | None
+    replay_speed_rad_s: float | None
+    limit_violation: float | None
+
+
 class Certificate(BaseModel):
     """What was found when a motion's voltages were replayed by an accurate integrator, and how nearly it is optimal.
 
@@ -185,6 +195,7 @@ class Certificate(BaseModel):
     degree: int | None = None
     intervals: int | None = None
     control: str | None = None
+    refinements: list[Refinement] | None = Field(None, description="solves on the way to the accuracy, the last too")
     input_hash: str | None = Field(None, description="SHA-256 of robot, task, motor, objective, transcription, design")
 
 
