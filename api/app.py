@@ -9,11 +9,13 @@ from importlib.metadata import version
 from fastapi import FastAPI
 from starlette.middleware.body_limit import RequestBodyLimitMiddleware
 
+from api import dashboard
 from api.context import Context
 from api.errors import install_error_handlers
 from api.request_log import RequestLog
 from api.routers import applications, events, health, results, robots
 from api.too_large import TooLarge
+from api.yaml_bodies import YamlBodies
 from shared.db.engine import make_engine
 from shared.dispatch.broker import celery_app
 from shared.settings import Settings
@@ -44,9 +46,11 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.state.context = context
     install_error_handlers(app)
     # From the inside out.
+    app.add_middleware(YamlBodies)
     app.add_middleware(RequestBodyLimitMiddleware, max_body_size=settings.max_body_bytes)
     app.add_middleware(TooLarge, most=settings.max_body_bytes)
     app.add_middleware(RequestLog)
     for router in (applications.router, events.router, results.router, robots.router, health.router):
         app.include_router(router)
+    dashboard.install(app)
     return app

@@ -2,35 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from armature.errors import ApplicationFileError
-
-
-class _Loader(yaml.SafeLoader):
-    """PyYAML's safe loader, with two changes.
-
-    A key given twice is an error: the first would be lost without a word. And 1e-3 is a number, as in YAML 1.2 and
-    JSON; PyYAML wants 1.0e-3.
-    """
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """As in PyYAML, after looking for keys that come twice."""
-        seen: set[str] = set()
-        for key, _ in node.value:
-            name = str(key.value)
-            if name in seen:
-                raise yaml.constructor.ConstructorError(None, None, f"{name!r} is given twice", key.start_mark)
-            seen.add(name)
-        return super().construct_mapping(node, deep)
-
-
-_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?$")
-_Loader.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+.0123456789"))
+from shared.yaml_document import YamlError, read_yaml
 
 
 def read_application(path: str | Path) -> dict[str, Any]:
@@ -48,16 +24,9 @@ def read_application(path: str | Path) -> dict[str, Any]:
     except (OSError, UnicodeDecodeError) as error:
         raise ApplicationFileError(f"{path} cannot be read: {error}") from error
     try:
-        content = yaml.load(text, Loader=_Loader)
-    except yaml.YAMLError as error:
-        raise ApplicationFileError(f"{path} is not YAML: {_where(error)}") from error
+        content = read_yaml(text)
+    except YamlError as error:
+        raise ApplicationFileError(f"{path} is not YAML: {error}") from error
     if not isinstance(content, dict):
         raise ApplicationFileError(f"{path} is not an application: it has no fields such as name, robot, tasks")
     return content
-
-
-def _where(error: yaml.YAMLError) -> str:
-    if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
-        mark = error.problem_mark
-        return f"line {mark.line + 1}, column {mark.column + 1}: {error.problem or error.context}"
-    return str(error)

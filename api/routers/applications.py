@@ -8,7 +8,7 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Query, Request, Response
 
 from api.context import Ctx
-from services.jobs import views
+from services.jobs import listing, views
 from services.jobs.cancel import cancel, delete_application
 from services.jobs.retry import retry
 from services.jobs.submit import submit
@@ -42,11 +42,13 @@ def list_applications(
     ctx: Ctx,
     cursor: str | None = None,
     limit: Limit = 50,
+    *,
     state: ApplicationState | None = None,
     tag: str | None = None,
+    name: Annotated[str | None, Query(min_length=1, description="part of the name, in any case")] = None,
 ) -> ApplicationList:
     """Applications, newest first."""
-    return views.list_applications(ctx.engine, cursor, limit, state, tag)
+    return listing.list_applications(ctx.engine, cursor, limit, listing.Filters(state, tag, name))
 
 
 @router.get("/{application_id}")

@@ -9,8 +9,9 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 
 from api.context import Ctx
-from services.jobs import results, views
+from services.jobs import overview, results, views
 from shared.contracts.application import MethodName
+from shared.contracts.overview import Overview, Resolved
 from shared.contracts.results import (
     ComparisonAnswer,
     DesignAnswer,
@@ -35,6 +36,18 @@ CSV_COLUMNS = (
 )
 
 Cursor = Annotated[int, Query(ge=0, description="`next_cursor` of the page before")]
+
+
+@router.get("/overview")
+def get_overview(application_id: str, ctx: Ctx) -> Overview:
+    """Every task's state and objective at a glance, and what is running."""
+    return overview.overview(ctx.engine, application_id)
+
+
+@router.get("/resolved")
+def get_resolved(application_id: str, ctx: Ctx) -> Resolved:
+    """What the application means: robot, motor constants and tasks, every default filled in."""
+    return overview.resolved(ctx.engine, application_id)
 
 
 @router.get("/tasks")

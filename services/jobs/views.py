@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter, defaultdict
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Engine, String, cast, func, select
+from sqlalchemy import Engine, func, select
 from sqlalchemy.orm import Session
 
 from services.jobs.plan import planned_jobs
@@ -17,6 +16,9 @@ from shared.db.clock import now
 from shared.db.engine import reading
 from shared.db.tables import Application, Job, Result
 from shared.domain import JobState, Stage
+
+UNITS = {"time": "s", "energy": "V2 s", "weighted": "1", "electrical_energy": "J"}
+"""Of the objectives."""
 
 
 class NotFoundError(Exception):
@@ -55,39 +57,12 @@ def status(engine: Engine, application_id: str) -> wire.ApplicationStatus:
             grid=resolved.grid,
             excluded_tasks=_excluded(session, application, resolved),
             timings=_timings(session, application),
-            created_at=_iso(application.created_at) or "",
-            started_at=_iso(application.started_at),
-            finished_at=_iso(application.finished_at),
+            created_at=iso_time(application.created_at) or "",
+            started_at=iso_time(application.started_at),
+            finished_at=iso_time(application.finished_at),
             tags=application.tags,
             versions=application.versions,
         )
-
-
-def list_applications(
-    engine: Engine, cursor: str | None, limit: int, state: str | None, tag: str | None
-) -> wire.ApplicationList:
-    """Newest first; `cursor` is the id after which to go on."""
-    with reading(engine) as session:
-        statement = select(Application).order_by(Application.id.desc()).limit(limit + 1)
-        if cursor is not None:
-            statement = statement.where(Application.id < cursor)
-        if state is not None:
-            statement = statement.where(Application.state == state)
-        if tag is not None:
-            statement = statement.where(cast(Application.tags, String).contains(json.dumps(tag), autoescape=True))
-        rows = list(session.scalars(statement))
-    items = [
-        wire.ApplicationItem(
-            id=row.id,
-            name=row.name,
-            state=row.state,
-            created_at=_iso(row.created_at) or "",
-            finished_at=_iso(row.finished_at),
-            tags=row.tags,
-        )
-        for row in rows[:limit]
-    ]
-    return wire.ApplicationList(items=items, next_cursor=items[-1].id if len(rows) > limit else None)
 
 
 def tasks(engine: Engine, application_id: str, start: int, limit: int) -> wire.TaskList:
@@ -231,7 +206,7 @@ def _result(
 
 def objective_unit(resolved: ResolvedApplication) -> str:
     """Unit of the objective; a weighted one is a plain number."""
-    return {"time": "s", "energy": "V2 s", "weighted": "1"}[resolved.objective.kind]
+    return UNITS[resolved.objective.kind]
 
 
 def _excluded(session: Session, application: Application, resolved: ResolvedApplication) -> list[wire.ExcludedTask]:
@@ -267,5 +242,6 @@ def _timings(session: Session, application: Application) -> wire.Timings:
     return wire.Timings(solver_time_s=solved or 0.0, worker_time_s=worked or 0.0, wall_time_s=wall)
 
 
-def _iso(seconds: float | None) -> str | None:
+def iso_time(seconds: float | None) -> str | None:
+    """On the wire: ISO 8601 in UTC, to the millisecond."""
     return None if seconds is None else datetime.fromtimestamp(seconds, UTC).isoformat(timespec="milliseconds")

@@ -95,6 +95,15 @@ class ApplicationStatus(BaseModel):
     versions: dict[str, str]
 
 
+class TotalResult(BaseModel):
+    """Sum of the objective over the tasks that a method solved."""
+
+    method: str = Field(description="`own` until the application's method has motions")
+    tasks: int
+    value: float
+    unit: str
+
+
 class ApplicationItem(BaseModel):
     """An application in a list."""
 
@@ -104,6 +113,12 @@ class ApplicationItem(BaseModel):
     created_at: str
     finished_at: str | None
     tags: list[str]
+    objective: str
+    method: str
+    tasks: int
+    done: int = Field(description="jobs that have ended")
+    total: int = Field(description="jobs that there are, or will be when nothing fails")
+    best: TotalResult | None = None
 
 
 class ApplicationList(BaseModel):

@@ -1,0 +1,19 @@
+/** A motor's seven lengths, in the order of every design. */
+
+export const DIMENSIONS = ["L", "R_ro", "R_so", "h_m", "h_sy", "w_tooth", "b_0"];
+
+export const DIMENSION_NAMES = {
+  L: "stack length",
+  R_ro: "rotor outer radius",
+  R_so: "stator outer radius",
+  h_m: "magnet height",
+  h_sy: "stator yoke height",
+  w_tooth: "tooth width",
+  b_0: "slot opening",
+};
+
+/** A symbol in two parts: letter and index. @param {string} name */
+export function symbolParts(name) {
+  const [letter, ...index] = name.split("_");
+  return [letter, index.join(" ")];
+}
