@@ -25,7 +25,12 @@ OWN = "own"
 ALIKE = 0.01
 """Difference to a reference total above which it is explained."""
 
-QUANTITIES = {"time": "final time, s", "energy": "energy, V2 s", "weighted": "weighted sum of time and energy"}
+QUANTITIES = {
+    "time": "final time, s",
+    "energy": "energy, V2 s",
+    "weighted": "weighted sum of time and energy",
+    "electrical_energy": "electrical energy, J",
+}
 """What is minimised, by the objective's kind."""
 
 REGRET = (

@@ -50,4 +50,5 @@ def _known(value: float | None) -> float:
 
 
 def _regret(value: float | None, own: float | None) -> float | None:
-    return None if value is None or not own else (value - own) / own
+    # An energy that is given back is negative: what is worse must be positive all the same.
+    return None if value is None or not own else (value - own) / abs(own)

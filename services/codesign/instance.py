@@ -20,6 +20,8 @@ TYPICAL_FLUX_LINKAGE = 0.1
 EFFORT_SCALE = 1e-2
 """Weight per V2 s that brings the energy objective to order one (MODEL section 4)."""
 
+ELECTRICAL_SCALE = 1e-1
+"""Weight per J that brings electrical energy to order one."""
 
 WEIGHTED_SCALE = 10.0
 """Factor of the weighted objective: near alpha = 1 it is far below one, and would stop 0.2 percent high."""
@@ -76,6 +78,7 @@ def build_instance(problem: Problem, program: Program) -> Instance:
             [scales.current],
             [scales.voltage],
             scales.torque,
+            [0.0, 1.0] if problem.objective.kind == "electrical_energy" else [1.0, 0.0],
             start,
             problem.transcription.shares,
             objective_weights(problem),
@@ -85,7 +88,9 @@ def build_instance(problem: Problem, program: Program) -> Instance:
 
 
 def objective_weights(problem: Problem) -> tuple[float, float]:
-    """Weights of t_f [1/s] and of the integral of u'u [1/(V2 s)] in the program, `objective_scale` included.
+    """Weights of t_f [1/s] and of what is added up over time in the program, `objective_scale` included.
+
+    The latter is the integral of u'u [V2 s], or for `electrical_energy` that energy [J].
 
     Raises
     ------
@@ -95,7 +100,7 @@ def objective_weights(problem: Problem) -> tuple[float, float]:
     objective, scale = problem.objective, objective_scale(problem)
     if objective.kind == "time":
         return scale, 0.0
-    if objective.kind == "energy":
+    if objective.has_given_duration:
         return 0.0, scale
     if objective.time_reference is None or objective.effort_reference is None:
         raise ValueError("the weighted objective needs time_reference and effort_reference")
@@ -105,7 +110,8 @@ def objective_weights(problem: Problem) -> tuple[float, float]:
 
 def objective_scale(problem: Problem) -> float:
     """The program's objective over the problem's."""
-    return {"time": 1.0, "energy": EFFORT_SCALE, "weighted": WEIGHTED_SCALE}[problem.objective.kind]
+    scales = {"time": 1.0, "energy": EFFORT_SCALE, "weighted": WEIGHTED_SCALE, "electrical_energy": ELECTRICAL_SCALE}
+    return scales[problem.objective.kind]
 
 
 def _variable_bounds(problem: Problem, program: Program, scales: Scales) -> tuple[np.ndarray, np.ndarray]:

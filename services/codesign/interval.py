@@ -126,6 +126,8 @@ def parameter_sizes(joints: int) -> dict[str, int]:
         "current_scale": 1,
         "voltage_scale": 1,
         "torque_scale": joints,
+        "effort_weight": 1,
+        "power_weight": 1,
     }
 
 
@@ -140,7 +142,7 @@ class IntervalExpressions:
     width: Expression  # share of t_f that the interval takes
     parameters: Expression
     constraints: Expression  # equalities (= 0), then inequalities (in -1..1)
-    effort: Expression  # integral of u'u over the interval [V2 s]
+    effort: Expression  # over the interval: effort_weight * integral of u'u + power_weight * electrical energy
 
 
 def unpack_parameters(parameters: Expression, joints: int) -> dict[str, Expression]:
@@ -199,10 +201,11 @@ def _voltage_path(
     stops = [start, *(variables[4 * n * j : 4 * n * (j + 1)] for j in range(layout.stops))]
     points = stops[: layout.degree + 1]
     u = variables[4 * n * layout.stops :] * p["voltage_scale"]
-    defects = []
+    defects, effort = [], ca.SX(0)
     for j, row in enumerate(scheme.differentiation):
         x, slope = points[j + 1], _combine(row, points)
         q, qd, i_d, i_q = _physical(x, p, n)
+        effort = effort + h * scheme.weights[j] * _running_cost(u, ca.vertcat(i_d, i_q), p)
         _, dqd, di_d, di_q = _physical(slope, p, n)
         defects.append(_kinematic_defect(x, slope, h, p, n))
         defects.append(_dynamic_defect(plant, q, qd, dqd / h, i_q))
@@ -211,7 +214,7 @@ def _voltage_path(
         defects.append((required - u) / p["voltage_scale"])  # eq. (1)
     if layout.has_end_state:
         defects.append(stops[-1] - _combine(scheme.end, points))
-    return ca.vertcat(*defects), h * ca.dot(u, u)
+    return ca.vertcat(*defects), effort
 
 
 def _current_path(
@@ -225,9 +228,12 @@ def _current_path(
     first, last = start[2 * n :] * p["current_scale"], variables[2 * n * layout.stops :] * p["current_scale"]
     di = (last - first) / h
 
+    def currents(share: float) -> Expression:
+        return first + share * (last - first)
+
     def voltages(share: float, qd: Expression) -> Expression:
         """Eq. (1) along the ramp of the currents."""
-        current = first + share * (last - first)
+        current = currents(share)
         steady_d, steady_q = steady_voltages(current[:n], current[n:], p["gear_ratio"] * qd, motor, P)
         return ca.vertcat(steady_d + motor.inductance * di[:n], steady_q + motor.inductance * di[n:])
 
@@ -235,11 +241,11 @@ def _current_path(
     for j, row in enumerate(scheme.differentiation):
         x, slope = points[j + 1], _combine(row, points)
         q, qd = x[:n], x[n:] * p["speed_scale"]
-        i_q = (first + scheme.points[j] * (last - first))[n:]
+        current = currents(scheme.points[j])
         defects.append(_kinematic_defect(x, slope, h, p, n))
-        defects.append(_dynamic_defect(plant, q, qd, slope[n:] * p["speed_scale"] / h, i_q))
+        defects.append(_dynamic_defect(plant, q, qd, slope[n:] * p["speed_scale"] / h, current[n:]))
         u = voltages(scheme.points[j], qd)
-        effort = effort + h * scheme.weights[j] * ca.dot(u, u)
+        effort = effort + h * scheme.weights[j] * _running_cost(u, current, p)
     if layout.has_end_state:
         defects.append(stops[-1] - _combine(scheme.end, points))
     speeds = [stop[n:] for stop in points]  # scaled
@@ -270,6 +276,11 @@ def demand_expressions(robot: Robot) -> tuple[list[Expression], list[Expression]
     steady_d, steady_q = steady_voltages(ca.SX.zeros(n), i_q, p["gear_ratio"] * qd, motor, P)
     outputs = [i_q / p["current_scale"], steady_d / p["voltage_scale"], steady_q / p["voltage_scale"]]
     return [q, qd, qdd, design, parameters], outputs
+
+
+def _running_cost(u: Expression, current: Expression, p: dict[str, Expression]) -> Expression:
+    """What an objective adds up over time: u'u, or the electrical power 3/2 u'i  (MODEL section 1)."""
+    return p["effort_weight"] * ca.dot(u, u) + p["power_weight"] * 1.5 * ca.dot(u, current)
 
 
 def _combine(row: Any, points: list[Expression]) -> Expression:

@@ -10,7 +10,7 @@ from services.codesign.interval import IntervalLayout
 from services.codesign.motor_data import MotorData
 from services.codesign.robot import Robot
 
-OBJECTIVES = ("time", "energy", "weighted")
+OBJECTIVES = ("time", "energy", "weighted", "electrical_energy")
 FINAL_TIME_BOUNDS = (0.05, 20.0)
 """Default bounds [s] of a free t_f (MODEL section 4)."""
 
@@ -39,8 +39,9 @@ class Task:
 
 @dataclass(frozen=True)
 class Objective:
-    """`time`: t_f; `energy`: integral of u'u over the task's duration; `weighted`: a mix with free t_f.
+    """`time`: t_f; `energy`: integral of u'u over the task's duration; `weighted`: a mix of both with free t_f.
 
+    `electrical_energy`: what the motors draw over the task's duration less what they give back, in J.
     ``(1 - alpha) t_f / time_reference + alpha E / effort_reference`` for `weighted`  (MODEL section 1).
     """
 
@@ -53,6 +54,11 @@ class Objective:
     def __post_init__(self) -> None:
         if self.kind not in OBJECTIVES:
             raise ValueError(f"objective.kind {self.kind!r}: must be one of {', '.join(OBJECTIVES)}")
+
+    @property
+    def has_given_duration(self) -> bool:
+        """Whether t_f is the task's duration, and not free."""
+        return self.kind in ("energy", "electrical_energy")
 
     @property
     def is_resolved(self) -> bool:
@@ -112,8 +118,8 @@ class Problem:
 
     @property
     def final_time_bounds(self) -> tuple[float, float]:
-        """Bounds of t_f [s]; both are the task's duration for the energy objective."""
-        if self.objective.kind != "energy":
+        """Bounds of t_f [s]; both are the task's duration for the energy objectives."""
+        if not self.objective.has_given_duration:
             return self.objective.final_time_bounds
         if self.task.duration is None:  # Departure 8 (docs/model.md)
             raise ValueError("the energy objective needs task.duration: with t_f free, slower is always better")

@@ -48,7 +48,7 @@ class Solution:
     design: np.ndarray | None  # (n, 7) m
     motion: Motion | None
     measures: Measures | None
-    objective: float | None  # t_f [s], integral of u'u [V2 s], or the weighted sum
+    objective: float | None  # t_f [s], integral of u'u [V2 s], electrical energy [J], or the weighted sum
     iterations: int  # of all attempts
     solve_time: float  # s, wall, of all attempts
     attempts: tuple[Attempt, ...]

@@ -158,7 +158,8 @@ def _solution(problem: Problem, program: Program, instance: Instance, result: Cl
     motion = read_motion(problem, program, outcome.x)
     measures = measure(problem, design, motion)
     time_weight, effort_weight = objective_weights(problem)
-    scaled_objective = time_weight * measures.final_time + effort_weight * measures.effort
+    added_up = measures.electrical_energy if problem.objective.kind == "electrical_energy" else measures.effort
+    scaled_objective = time_weight * measures.final_time + effort_weight * added_up
     objective = scaled_objective / objective_scale(problem)
     return replace(solution, design=design, motion=motion, measures=measures, objective=objective)
 

@@ -42,7 +42,7 @@ def resolve(request: ApplicationRequest, find_robot: RobotLookup, max_tasks: int
     errors = list(_objective_errors(request.objective))
     errors += [error for field, task in located for error in _task_errors(field, task, robot)]
     errors += _duplicate_names(located)
-    if request.objective.kind == "energy":
+    if request.objective.kind in ("energy", "electrical_energy"):
         errors += _durations(request, located)
     if not errors:
         errors += _motor_feasible(motor)
@@ -179,7 +179,9 @@ def _duplicate_names(located: list[Located]) -> Iterator[FieldError]:
 
 
 def _durations(request: ApplicationRequest, located: list[Located]) -> Iterator[FieldError]:
-    limit = "the energy objective needs a duration in s for each task: with t_f free, slower is always better"
+    limit = f"the {request.objective.kind} objective needs a duration in s for each task"
+    if request.objective.kind == "energy":
+        limit += ": with t_f free, slower is always better"
     if not isinstance(request.tasks, list):
         if request.tasks.grid.duration_s is None:
             yield FieldError("tasks.grid.duration_s", None, limit)

@@ -28,7 +28,12 @@ RED, BLUE, ORANGE, PURPLE = "#c8361d", "#0072b2", "#d98200", "#8f4a8b"
 CHOSEN: Final = BLUE
 """The application's method among others. Not green: it need not be the better one."""
 
-OBJECTIVE_COLOURS: Final[Mapping[str, str]] = {"time": RED, "energy": BLUE, "weighted": PURPLE}
+OBJECTIVE_COLOURS: Final[Mapping[str, str]] = {
+    "time": RED,
+    "energy": BLUE,
+    "weighted": PURPLE,
+    "electrical_energy": BLUE,
+}
 """The paper's: time-optimal red, energy-optimal blue."""
 
 IMPROVEMENT: Final = LinearSegmentedColormap.from_list(

@@ -16,7 +16,12 @@ from shared.contracts.results import ComparisonAnswer
 BAR_HEIGHT = 0.62
 OTHER = "#a9b4bb"
 OWN_COLOUR = "#d5dadd"
-WORDS = {"time": "total time", "energy": "total energy, ∫u'u dt", "weighted": "total weighted objective"}
+WORDS = {
+    "time": "total time",
+    "energy": "total energy, ∫u'u dt",
+    "weighted": "total weighted objective",
+    "electrical_energy": "total electrical energy",
+}
 LINEAR_TO, LINEAR_WITHIN = 100.0, 10.0  # percent
 """A regret beyond the first makes the axis logarithmic above the second."""
 UNITS = {"V2 s": "V² s", "1": "1", "": "1"}

@@ -25,9 +25,13 @@ class Strict(BaseModel):
 
 
 class ObjectiveRequest(Strict):
-    """What is minimised: t_f, the integral of u'u over a given duration, or a mix of both with t_f free."""
+    """What is minimised.
 
-    kind: Literal["time", "energy", "weighted"] = "time"
+    time: t_f; energy: the integral of u'u over a given duration; weighted: a mix of both with t_f free;
+    electrical_energy: the energy drawn less the energy given back, in J, over a given duration.
+    """
+
+    kind: Literal["time", "energy", "weighted", "electrical_energy"] = "time"
     alpha: float | None = Field(None, ge=0, le=1, description="weight of energy, `weighted` only: 0 time .. 1 energy")
     time_reference_s: float | None = Field(None, gt=0, description="`weighted`; default: the task's minimum time")
     energy_reference_V2s: float | None = Field(None, gt=0, description="`weighted`; default: of that motion")
@@ -43,7 +47,7 @@ class TaskRequest(Strict):
     start_speed_rad_s: list[float] | None = Field(None, description="at rest when left out")
     end_speed_rad_s: list[float] | None = Field(None, description="at rest when left out")
     payload_kg: float = Field(0.0, ge=0)
-    duration_s: float | None = Field(None, gt=0, le=1000, description="needed for the energy objective")
+    duration_s: float | None = Field(None, gt=0, le=1000, description="needed for the energy objectives")
     weight: float = Field(1.0, gt=0, description="how often the task occurs")
 
 

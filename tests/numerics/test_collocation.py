@@ -195,7 +195,7 @@ def collocated_end(
     step: ca.Function, layout: IntervalLayout, start: np.ndarray, intervals: int, final_time: float
 ) -> np.ndarray:
     """State at the end by the production interval, interval after interval; all scales are 1."""
-    parameters = np.concatenate([MotorData().coefficients(), np.ones(7), [GEAR], [0.0], np.ones(4)])
+    parameters = np.concatenate([MotorData().coefficients(), np.ones(7), [GEAR], [0.0], np.ones(4), [1.0, 0.0]])
     held = layout.point_size * layout.stops
     state, current = start, 0.0
     for _ in range(intervals):
@@ -255,7 +255,7 @@ def test_voltages_of_the_current_ramp_are_the_motor_equations():
     value = ca.Function("value", inputs, [e.constraints, e.effort])
     rng = np.random.default_rng(3)
     start, variables, T, share = rng.normal(size=4), rng.normal(size=layout.variables), 0.3, 0.25
-    parameters = np.concatenate([MotorData().coefficients(), np.ones(7), [GEAR], [0.0], np.ones(4)])
+    parameters = np.concatenate([MotorData().coefficients(), np.ones(7), [GEAR], [0.0], np.ones(4), [1.0, 0.0]])
     constraints, effort = (out.full().ravel() for out in value(start, variables, DESIGN, T, share, parameters))
     motor, _ = evaluate_motor(DESIGN, MotorData())
     R, L, Phi, P = motor.phase_resistance, motor.inductance, motor.flux_linkage, 4

@@ -56,6 +56,7 @@ def interval_inputs(layout: IntervalLayout, seed: int = 0) -> list[np.ndarray]:
             [3.0],
             [100.0],
             np.full(n, 150.0),
+            [0.7, 0.4],  # weights of u'u and of electrical power
         ]
     )
     return [
