@@ -14,7 +14,9 @@ export function number(value, digits = 4) {
 
 /** To some decimals, so that columns line up. */
 export function fixed(value, decimals = 2) {
-  return value === null || value === undefined || Number.isNaN(value) ? NONE : minus(value.toFixed(decimals));
+  if (value === null || value === undefined || Number.isNaN(value)) return NONE;
+  const text = value.toFixed(decimals);
+  return minus(Number(text) === 0 ? text.replace("-", "") : text);
 }
 
 /** With a sign, and none for what rounds to zero. */

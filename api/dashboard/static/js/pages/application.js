@@ -12,10 +12,11 @@ import { head } from "../parts/head.js";
 import { stageList } from "../parts/stages.js";
 import { range, taskGrid } from "../parts/task-grid.js";
 import { repeat } from "../repeat.js";
-import { rememberQuery } from "../router.js";
+import { applicationLink, rememberQuery } from "../router.js";
 
 const REFRESH_MS = 400;
 const FALLBACK_MS = 5000;
+const MOST_FAILURES = 50;
 
 export async function show(at, signal) {
   const { id } = at.params;
@@ -34,7 +35,7 @@ export async function show(at, signal) {
   const key = h("p", { class: "scale-key" });
   const facts = h("dl", { class: "facts" });
   const workers = h("ul", { class: "reasons" });
-  const excluded = h("section", { class: "card" });
+  const failures = h("section", { class: "card" });
   const reason = h("div");
 
   const method = () => {
@@ -53,7 +54,7 @@ export async function show(at, signal) {
     showKey(key, range(overview, shown), status.objective.kind);
     showFacts(facts, status);
     showWorkers(workers, overview, status);
-    showExcluded(excluded, status);
+    showFailures(failures, overview);
     replace(reason, status.reason ? h("p", { class: "notice" }, status.reason) : null);
   }
 
@@ -128,13 +129,13 @@ export async function show(at, signal) {
         h("section", { class: "card" }, h("h2", {}, "Running now"), workers),
       ),
     ),
-    excluded,
+    failures,
   );
   return { title: status.name, element };
 }
 
 function showKey(key, scale, objective) {
-  const what = { time: "time of the motion", energy: "energy, the integral of u'u", weighted: "weighted objective" }[objective];
+  const what = { time: "time of the motion", energy: "energy, the integral of u'u", weighted: "weighted objective", electrical_energy: "electrical energy" }[objective];
   if (!Number.isFinite(scale.low)) {
     replace(key, "No value yet.");
     return;
@@ -182,17 +183,31 @@ function showWorkers(list, overview, status) {
   );
 }
 
-function showExcluded(section, status) {
-  section.hidden = status.excluded_tasks.length === 0;
+/** Tasks that the application went on without, and motions that could not be found. */
+function showFailures(section, overview) {
+  const failed = overview.tasks.flatMap((task) =>
+    Object.entries(task.outcomes)
+      .filter(([, outcome]) => ["failed", "dead"].includes(outcome.state))
+      .map(([method, outcome]) => ({ task, method, outcome })),
+  );
+  const shown = failed.slice(0, MOST_FAILURES);
+  section.hidden = failed.length === 0;
   replace(
     section,
-    h("h2", {}, `Left out: ${count(status.excluded_tasks.length, "task")}`),
+    h("h2", {}, `Not solved: ${count(failed.length, "solve")}`),
     h(
       "ul",
       { class: "reasons" },
-      status.excluded_tasks.map((task) =>
-        h("li", {}, h("strong", {}, task.name), ": ", task.reason ?? "its worker was lost three times"),
+      shown.map(({ task, method, outcome }) =>
+        h(
+          "li",
+          {},
+          h("a", { href: applicationLink(overview.application_id, `/tasks/${task.index}`, { method }) }, task.name),
+          method === "own" ? h("strong", {}, " left out of the design: ") : ` with the ${methodName(method)} design: `,
+          outcome.reason ?? "its worker was lost three times",
+        ),
       ),
+      failed.length > shown.length ? h("li", { class: "hint" }, `and ${failed.length - shown.length} more`) : null,
     ),
   );
 }

@@ -83,8 +83,7 @@ function detail(sheet, section, resolved) {
       "div",
       { class: "columns tables" },
       h("div", {}, h("h3", {}, "Dimensions"), dimensionTable(sheet, resolved.motor.bounds_mm)),
-      h("div", {}, h("h3", {}, "Constraints"), constraintTable(sheet)),
-      h("div", {}, h("h3", {}, "Parameters"), parameterTable(sheet)),
+      h("div", {}, h("h3", {}, "Constraints"), constraintTable(sheet), h("h3", { class: "below" }, "Parameters"), parameterTable(sheet)),
     ),
   ];
 }

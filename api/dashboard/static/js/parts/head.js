@@ -1,7 +1,7 @@
 /** What every page of an application begins with: its name, its state, and the way to its other pages. */
 
 import { h } from "../dom.js";
-import { methodName, unit } from "../format.js";
+import { methodName, words } from "../format.js";
 import { applicationLink } from "../router.js";
 import { stateBadge } from "./state.js";
 
@@ -11,6 +11,12 @@ const PAGES = [
   ["/designs", "Designs"],
   ["/comparison", "Comparison"],
 ];
+
+const OBJECTIVES = {
+  time: "shortest time [s]",
+  energy: "least ∫u'u [V²s]",
+  electrical_energy: "least electrical energy [J]",
+};
 
 /** @param {any} status of the application @param {string} here rest of the address of this page */
 export function head(status, here) {
@@ -41,5 +47,5 @@ export function head(status, here) {
 /** What is minimised. */
 export function objectiveText(objective) {
   if (objective.kind === "weighted") return `weighted: ${objective.alpha} energy, ${1 - objective.alpha} time`;
-  return objective.kind === "energy" ? `least energy (${unit("V2 s")})` : "shortest time (s)";
+  return OBJECTIVES[objective.kind] ?? words(objective.kind);
 }

@@ -26,7 +26,7 @@ export function dimensionTable(sheet, bounds) {
       h("td", {}, DIMENSION_NAMES[name]),
       h("td", { class: "figure" }, fixed(sheet.dimensions_mm[name], 3)),
       h("td", { class: "figure" }, `${number(low)} … ${number(high)}`),
-      h("td", { class: "binds" }, side ? `at its ${side === "min" ? "lower" : "upper"} bound` : ""),
+      h("td", { class: "binds" }, side ? `at ${side === "min" ? "lower" : "upper"} bound` : ""),
     ];
   });
   return table("Dimensions", ["", "Length", "Value [mm]", "Bounds [mm]", ""], rows);

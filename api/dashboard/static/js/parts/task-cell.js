@@ -6,7 +6,7 @@ import { applicationLink } from "../router.js";
 import { shape } from "./state.js";
 
 /** Share of the range from which on a cell is so strongly coloured that its text changes colour. */
-const MUCH = 0.5;
+const MUCH = 0.735;
 
 /** @param {string} id of the application @param {any} task of the overview */
 export function taskCell(id, task) {

@@ -1,0 +1,139 @@
+/** The methods side by side: totals, regret, and where one is better than another. */
+
+import { get, ofApplication } from "../api.js";
+import { h } from "../dom.js";
+import { count, methodName, quantity, signed } from "../format.js";
+import { head } from "../parts/head.js";
+import { heatKey, heatMap, percentCell, taskLink } from "../plots/heat.js";
+
+export async function show(at, signal) {
+  const { id } = at.params;
+  const [status, comparison, overview] = await Promise.all(
+    ["", "/comparison", "/overview"].map((rest) => get(ofApplication(id, rest), signal)),
+  );
+  const others = overview.methods.filter((name) => name !== status.method);
+  const element = h(
+    "div",
+    { class: "page" },
+    head(status, "/comparison").element,
+    totals(status, comparison, overview),
+    others.length ? improvements(status, overview, others) : null,
+    comparison.tasks_compared.length ? regrets(overview, comparison) : null,
+  );
+  return { title: `Comparison of ${status.name}`, element };
+}
+
+function totals(status, comparison, overview) {
+  const names = ["own", ...overview.methods].filter((name) => name in comparison.methods);
+  const compared = comparison.tasks_compared.length;
+  const all = overview.tasks.length;
+  return h(
+    "section",
+    { class: "card" },
+    h("h2", {}, `Totals over ${compared === all ? count(all, "task") : `the ${compared} of ${all} tasks that every method solved`}`),
+    Object.entries(comparison.missing).map(([name, why]) => h("p", { class: "notice" }, `${methodName(name)} ${why}.`)),
+    compared === 0 ? h("p", { class: "empty" }, "Nothing to compare yet.") : totalsTable(status, comparison, names),
+    h("p", { class: "hint" }, "Regret: how much more the objective is than with motors of each task's own, which is a bound for every method."),
+  );
+}
+
+function totalsTable(status, comparison, names) {
+  const columns = [
+    ["Objective", (m) => quantity(m.total_objective, comparison.unit)],
+    ["Time", (m) => quantity(m.total_time_s, "s")],
+    ["Energy ∫u'u", (m) => quantity(m.total_energy_V2s, "V2 s")],
+    ["Electrical energy", (m) => quantity(m.total_electrical_energy_J, "J")],
+    ["Copper loss", (m) => quantity(m.total_copper_loss_J, "J")],
+  ].slice(status.objective.kind === "weighted" ? 0 : 1);
+  const regret = (name) => {
+    const total = comparison.regret[name]?.total;
+    return name === "own" ? "bound" : total === null || total === undefined ? "–" : `${signed(100 * total)} %`;
+  };
+  return h(
+    "div",
+    { class: "scroll" },
+    h(
+      "table",
+      { class: "records" },
+      h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "Design"), [...columns.map(([text]) => text), "Regret"].map((text) => h("th", { scope: "col", class: "figure" }, text)))),
+      h(
+        "tbody",
+        {},
+        names.map((name) =>
+          h(
+            "tr",
+            {},
+            h("th", { scope: "row" }, methodName(name), name === status.method ? h("span", { class: "tag" }, "chosen") : null),
+            columns.map(([, value]) => h("td", { class: "figure" }, value(comparison.methods[name]))),
+            h("td", { class: "figure" }, regret(name)),
+          ),
+        ),
+      ),
+    ),
+  );
+}
+
+/** How much the application's method improves on each other one, of the other's objective. */
+function improvements(status, overview, others) {
+  const maps = others.map((other) => [other, improvement(overview, status.method, other)]);
+  const name = methodName(status.method);
+  return h(
+    "section",
+    { class: "card" },
+    h("h2", {}, `Improvement by ${name} [%]`),
+    heatKey(`${name} worse`, `${name} better`),
+    h(
+      "div",
+      { class: "columns maps" },
+      maps.map(([other, percent]) => percentages(overview, percent, 1, `over ${methodName(other)}`, status.method, [status.method, other])),
+    ),
+  );
+}
+
+function regrets(overview, comparison) {
+  const maps = Object.entries(comparison.regret).map(([method, regret]) => {
+    const known = comparison.tasks_compared.map((task, k) => [task, regret.per_task[k]]).filter(([, value]) => value !== null);
+    return [method, new Map(known.map(([task, value]) => [task, 100 * value]))];
+  });
+  return h(
+    "section",
+    { class: "card" },
+    h("h2", {}, "Regret of each task [%]"),
+    heatKey("worse than its own design", "better"),
+    h("div", { class: "columns maps" }, maps.map(([method, percent]) => percentages(overview, percent, -1, methodName(method), method, ["own", method]))),
+  );
+}
+
+/** @returns {Map<number, number>} percent by task, where both have a motion */
+function improvement(overview, ours, theirs) {
+  const found = overview.tasks.map((task) => [task.index, task.outcomes[ours]?.value, task.outcomes[theirs]?.value]);
+  return new Map(
+    found
+      .filter(([, mine, other]) => Number.isFinite(mine) && Number.isFinite(other) && other !== 0)
+      .map(([index, mine, other]) => [index, (100 * (other - mine)) / Math.abs(other)]),
+  );
+}
+
+function percentages(overview, percent, good, caption, method, pair) {
+  const about = (task) => ({
+    text: whoSolved(overview.tasks[task], pair),
+    label: overview.tasks[task].name,
+    href: taskLink(overview.application_id, task, method),
+  });
+  if (overview.grid) return heatMap(overview.grid, percent, good, caption, about);
+  return h(
+    "div",
+    { class: "scroll" },
+    h(
+      "table",
+      { class: "records tight" },
+      h("caption", {}, caption),
+      h("tbody", {}, overview.tasks.map((task) => h("tr", {}, h("th", { scope: "row" }, task.name), h("td", {}, percentCell(percent.get(task.index), good, about(task.index)))))),
+    ),
+  );
+}
+
+function whoSolved(task, pair) {
+  const solved = pair.filter((name) => Number.isFinite(task.outcomes[name]?.value));
+  return solved.length === 1 ? `only ${methodName(solved[0])}` : "none";
+}
