@@ -16,7 +16,7 @@ export function camera(centre, radius) {
     const right = [-sa, ca, 0];
     const towards = [ce * ca, ce * sa, se];
     const up = [-se * ca, -se * sa, ce];
-    const scale = (0.46 * Math.min(width, 1.35 * height) * view.zoom) / radius;
+    const scale = (0.5 * Math.min(width, 1.15 * height) * view.zoom) / radius;
     const eye = towards.map((x, k) => centre[k] + x * DISTANCE * radius);
     return {
       towards,

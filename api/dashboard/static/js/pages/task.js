@@ -43,7 +43,12 @@ export async function show(at, signal) {
     replace(
       content,
       motion ? moving(motion, result, resolved, task, mine) : h("p", { class: "notice" }, why(task, method)),
-      h("section", { class: "card" }, h("h2", {}, "Solver"), solverLog(log)),
+      h(
+        "div",
+        { class: "columns tables" },
+        result ? h("section", { class: "card" }, h("h2", {}, "Certificate"), certificateView(result.certificate)) : null,
+        h("section", { class: "card" }, h("h2", {}, "Solver"), solverLog(log)),
+      ),
     );
   }
 
@@ -133,7 +138,7 @@ function moving(motion, result, resolved, task, signal) {
         "div",
         { class: "page" },
         h("section", { class: "card" }, h("h2", {}, "Result"), resultFacts(result)),
-        result ? h("section", { class: "card" }, h("h2", {}, "Certificate"), certificateView(result.certificate)) : null,
+        result ? h("section", { class: "card" }, h("h2", {}, "Peaks, % of the limits"), useOfLimits(result.peaks)) : null,
       ),
     ),
     h(
@@ -143,7 +148,6 @@ function moving(motion, result, resolved, task, signal) {
       legend(rows),
       h("div", { class: "scroll" }, grid),
     ),
-    result ? h("section", { class: "card" }, h("h2", {}, "How hard the motors work"), useOfLimits(result.peaks)) : null,
   ];
 }
 

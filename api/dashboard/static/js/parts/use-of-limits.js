@@ -12,8 +12,8 @@ export function useOfLimits(peaks) {
     { class: "scroll" },
     h(
       "table",
-      { class: "records tight" },
-      h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "Peak, % of limit"), Array.from({ length: joints }, (_, k) => h("th", { scope: "col", class: "figure" }, `joint ${k + 1}`)))),
+      { class: "records tight narrow" },
+      h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "Joint"), Array.from({ length: joints }, (_, k) => h("th", { scope: "col", class: "figure" }, String(k + 1))))),
       h(
         "tbody",
         {},
