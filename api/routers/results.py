@@ -10,6 +10,7 @@ from fastapi import APIRouter, Query, Request, Response
 
 from api.context import Ctx
 from services.jobs import overview, results, views
+from services.jobs.resolved import ResolvedApplication
 from shared.contracts.application import MethodName
 from shared.contracts.overview import Overview, Resolved
 from shared.contracts.results import (
@@ -17,6 +18,7 @@ from shared.contracts.results import (
     DesignAnswer,
     DesignsAnswer,
     SolverLog,
+    SolverPoint,
     Source,
     TaskList,
     TaskResult,
@@ -80,6 +82,18 @@ def get_trajectory(
 def get_log(application_id: str, task: int, ctx: Ctx, method: Source | None = None) -> SolverLog:
     """Attempts and solver iterations of a motion, failed ones included."""
     return results.log(ctx.engine, application_id, task, method)
+
+
+@router.get("/tasks/{task}/solution")
+def get_solution(application_id: str, task: int, ctx: Ctx, method: Source | None = None) -> SolverPoint:
+    """The solver's point with its multipliers, from which the KKT residual can be recomputed."""
+    return results.solver_point(ctx.engine, application_id, task, method)
+
+
+@router.get("/inputs")
+def get_inputs(application_id: str, ctx: Ctx) -> ResolvedApplication:
+    """What the application was understood to ask, every default filled in, the robot and the tasks explicit."""
+    return results.inputs(ctx.engine, application_id)
 
 
 @router.get("/design")

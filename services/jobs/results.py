@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
+import numpy as np
 from sqlalchemy import Engine, select
 from sqlalchemy.orm import Session
 
 from services.codesign.comparison import OWN, compare
 from services.codesign.motor_data import DIMENSIONS
 from services.codesign.voltage_law import VoltageLaw
-from services.jobs.arrays import unpack_law, unpack_motion
+from services.jobs.arrays import POINT, unpack, unpack_law, unpack_motion
 from services.jobs.resolved import ResolvedApplication
 from services.jobs.store import results_of
 from services.jobs.views import NotFoundError, load, objective_unit
@@ -196,6 +197,33 @@ def trajectory(engine: Engine, application_id: str, task: int, method: str | Non
         scheme=found.summary["certificate"]["scheme"],
         degree=found.summary["certificate"]["degree"],
     )
+
+
+def solver_point(engine: Engine, application_id: str, task: int, method: str | None) -> wire.SolverPoint:
+    """The point and multipliers of a motion, for whoever checks that it is optimal."""
+    with reading(engine) as session:
+        application, resolved = load(session, application_id)
+        name = method or resolved.method
+        found = _result(session, application, task, name)
+    if found is None or found.arrays is None:
+        raise NotFoundError(f"there is no motion of task {task} with method {name}")
+    arrays, certificate = unpack(found.arrays), found.summary["certificate"]
+    breaks = unpack_law(found.arrays).breaks
+    return wire.SolverPoint(
+        application_id=application_id,
+        task=task,
+        method=name,
+        **{key: certificate[key] for key in ("scheme", "degree", "intervals", "control")},
+        widths=(np.diff(breaks) / breaks[-1]).tolist(),
+        **{key: arrays[key].tolist() for key in POINT},
+    )
+
+
+def inputs(engine: Engine, application_id: str) -> ResolvedApplication:
+    """What an application was understood to ask, with every default: what its motions are computed from."""
+    with reading(engine) as session:
+        _, resolved = load(session, application_id)
+    return resolved
 
 
 def _control(law: VoltageLaw) -> wire.VoltageControl:

@@ -374,3 +374,23 @@ class SolverLog(BaseModel):
     reason: str | None
     attempts: list[dict[str, Any]]
     iterations: list[SolverIteration]
+
+
+class SolverPoint(BaseModel):
+    """Where the solver ended, in the program's scaled units, with the multipliers: enough to recompute `kkt_residual`.
+
+    Signs are CasADi's: grad f + J' lam_g + lam_x = 0. Variables: design, t_f, then the intervals, each as
+    `services.codesign.interval.IntervalLayout` says.
+    """
+
+    application_id: str
+    task: int
+    method: str
+    scheme: str
+    degree: int
+    intervals: int
+    control: str
+    widths: list[float] = Field(description="share of t_f of each interval")
+    x: list[float]
+    lam_x: list[float] = Field(description="multipliers of the bounds")
+    lam_g: list[float] = Field(description="multipliers of the constraints")
