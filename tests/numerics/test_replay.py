@@ -1,0 +1,213 @@
+"""Replay, voltage laws and certificates: closed books, equations by hand, and errors that must be seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from services.codesign.accuracy import FIRST, MOST_INTERVALS, refined, solve_accurately
+from services.codesign.certify import BALANCE_TOLERANCE, Certificate, Growth, LimitCheck, certify
+from services.codesign.motion import Motion
+from services.codesign.problem import Accuracy, Problem, Task, Transcription
+from services.codesign.replay import ReplayError, replay
+from services.codesign.robot import Robot
+from services.codesign.solve import Solution, SolverOptions, solve
+from services.codesign.voltage_law import VoltageLaw, path_of, voltage_law
+from tests.numerics.arms import random_designs, random_robot
+from tests.numerics.tasks import UR5, paper_problem, paper_task, solved
+from tests.numerics.test_collocation import DESIGN, STARTS, U_D, U_Q, pendulum, pendulum_end
+
+INTEGRATED = 1e-7
+"""Relative to the largest: two integrators with tolerances of 1e-9 and 1e-13, over some hundred steps."""
+
+CURRENT = Transcription("radau", 2, 50, "current")
+
+
+def started(state: np.ndarray) -> Motion:
+    """A motion of which only the start matters; `state` is (q, qd, i_d, i_q), each (n,)."""
+    q, qd, i_d, i_q = (part[None] for part in np.split(state, 4))
+    nothing = np.zeros(1)
+    return Motion(nothing, nothing, q, qd, i_d, i_q, 0 * q, 0 * q, 0 * q)
+
+
+def constant_law(final_time: float, intervals: int, u_d: np.ndarray, u_q: np.ndarray) -> VoltageLaw:
+    """The same voltages all the time."""
+    held = [np.tile(u, (intervals, 1, 1)) for u in (u_d, u_q)]
+    return VoltageLaw(np.linspace(0, final_time, intervals + 1), *held)
+
+
+def problem_of(robot: Robot, payload: float = 0.0) -> Problem:
+    rest = np.zeros(robot.joints)
+    return Problem(robot, Task(rest, rest, payload))
+
+
+@pytest.mark.parametrize("start", STARTS, ids=range(len(STARTS)))
+def test_replay_of_a_pendulum_is_that_of_the_equations_by_hand(start):
+    law = constant_law(0.05, 3, np.array([U_D]), np.array([U_Q]))
+    found = replay(problem_of(pendulum()), DESIGN[None], started(start), law)
+    end = np.concatenate([x[-1, -1] for x in (found.position, found.speed, found.current_d, found.current_q)])
+    exact = pendulum_end(start, 0.05, current_control=False)
+    assert end == pytest.approx(exact, rel=INTEGRATED, abs=INTEGRATED * np.abs(exact).max())
+    assert found.time[-1, -1] == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_both_energy_balances_close_on_an_arm_without_symmetry(seed):
+    """Algorithm 1 and eq. (1) against kinetic, potential and field energy: each side knows nothing of the other."""
+    rng, robot = np.random.default_rng(seed), random_robot(3, seed)
+    law = VoltageLaw(np.array([0, 0.01, 0.03]), *rng.uniform(-20, 20, (2, 2, 4, 3)))
+    state = np.concatenate([rng.uniform(-1, 1, 3), rng.uniform(-0.5, 0.5, 3), rng.uniform(-2, 2, 6)])
+    e = replay(problem_of(robot, 1.3), random_designs(3, rng), started(state), law).energies
+    turned_over = abs(e.electrical) + e.copper + abs(e.shaft)
+    assert e.electrical - e.copper - e.field_change - e.shaft == pytest.approx(0, abs=BALANCE_TOLERANCE * turned_over)
+    assert e.shaft == pytest.approx(e.mechanical_change, abs=BALANCE_TOLERANCE * turned_over)
+    assert e.copper > 0
+    assert np.abs(e.mechanical_change) > 1e-3 * turned_over, "nothing moved: the test says nothing"
+
+
+def test_a_motion_that_leaves_all_bounds_is_said_to():
+    law = constant_law(1.0, 1, np.array([np.nan]), np.array([0.0]))
+    with pytest.raises(ReplayError, match="interval 1 of 1"):
+        replay(problem_of(pendulum()), DESIGN[None], started(STARTS[0]), law)
+
+
+@pytest.fixture(scope="module", params=["paper", "current", "unequal", "legendre"])
+def solution(request) -> Solution:
+    widths = tuple(np.repeat([1 / 60, 1 / 30], 20).tolist())
+    transcriptions = {
+        "paper": Transcription(),
+        "current": CURRENT,
+        "unequal": Transcription("radau", 2, 40, "current", widths=widths),
+        "legendre": Transcription("legendre", 1, 50, "current"),
+    }
+    return solve(paper_problem(0.4, 1.0, "energy", transcription=transcriptions[request.param]))
+
+
+def test_the_law_gives_the_motions_voltages_at_its_points(solution):
+    problem, motion = solution.problem, solution.motion
+    law = voltage_law(problem, solution.design, motion)
+    points = problem.layout.collocation.points
+    stops = problem.layout.stops
+    inside = np.concatenate([points, [1.0]])[:stops]
+    for known, found in zip((motion.voltage_d, motion.voltage_q), law.at(inside), strict=True):
+        # Where the end is no point, the motion's voltage there is that of the end state: the same polynomial's.
+        assert found.reshape(-1, 6) == pytest.approx(known[1:], abs=1e-6 * 100)
+    assert law.breaks[-1] == motion.final_time
+
+
+def test_the_path_runs_through_the_points(solution):
+    path = path_of(solution.problem, solution.motion)
+    position, speed = path.at(solution.problem.layout.collocation.points)
+    stops, degree = solution.problem.layout.stops, solution.problem.layout.degree
+    known = solution.motion.position[1:].reshape(-1, stops, 6)[:, :degree]
+    assert position == pytest.approx(known, abs=1e-12)
+    assert speed == pytest.approx(solution.motion.speed[1:].reshape(-1, stops, 6)[:, :degree], abs=1e-12)
+
+
+def test_certificate_of_current_control_and_of_the_paper(solution):
+    certificate = certify(solution)
+    control = solution.problem.transcription.control
+    assert certificate.electrical_balance.closed
+    assert certificate.mechanical_balance.closed
+    assert certificate.kkt_residual == solution.kkt_residual
+    assert max(check.at_points for check in certificate.limits.values()) < 1e-6
+    if control == "voltage":
+        assert certificate.replay_speed > 0.05
+        assert certificate.limits["current"].between_points > 0.1
+        assert not certificate.meets(Accuracy())
+    elif solution.problem.transcription.degree > 1:
+        assert certificate.replay_position < 1e-4
+        assert certificate.path_position < 1e-3
+        assert certificate.limits["rotor_speed"].between_points < 1e-3
+    # One point an interval does not see that the voltage rises and falls within it: the replay does.
+    booked = 0.1 if control == "current" and solution.problem.transcription.degree == 1 else 1e-2
+    assert certificate.energies.effort == pytest.approx(solution.measures.effort, rel=booked)
+
+
+def test_certificate_sees_a_voltage_that_is_wrong():
+    """One percent on one motor in one interval: not of the transcription's making, and found all the same."""
+    solution = solved_with_currents()
+    good = certify(solution)
+    voltage = solution.motion.current_q.copy()
+    voltage[40:60, 1] *= 1.01
+    bad = certify(replace(solution, motion=replace(solution.motion, current_q=voltage)))
+    assert good.meets(Accuracy(limit=0.01))
+    assert not bad.meets(Accuracy(limit=0.01))
+    assert bad.replay_position > 30 * good.replay_position
+
+
+def test_a_failed_solve_has_no_certificate():
+    with pytest.raises(ValueError, match="failed solve"):
+        certify(solve(paper_problem(1.0, 4.0, "energy", transcription=Transcription(intervals=8)), options=ONE_STEP))
+
+
+ONE_STEP = SolverOptions(max_iter=1)
+
+
+def solved_with_currents() -> Solution:
+    return solve(paper_problem(0.4, 1.0, "energy", transcription=CURRENT))
+
+
+# ---- accuracy on request
+
+
+def certificate_with(growth: Growth, position: float = 0.0, speed: float = 0.0) -> Certificate:
+    law = VoltageLaw(np.array([0.0, 1.0]), np.zeros((1, 1, 1)), np.zeros((1, 1, 1)))
+    checks = {"current": LimitCheck(0.0, float(growth.excess.max()))}
+    return Certificate(position, speed, 0.0, 0.0, checks, None, None, None, 0.0, 0.0, law, growth)
+
+
+def test_intervals_to_blame_are_halved():
+    excess = np.zeros(50)
+    excess[[7, 30]] = 0.5, 0.2
+    drift = np.zeros(50)
+    drift[:8] = 1e-12 * np.arange(8)  # of no weight: the replay ends well
+    finer = refined(FIRST, certificate_with(Growth(drift, drift, excess)), Accuracy())
+    assert (finer.intervals, finer.degree) == (60, 3)  # a round number; the worst of the others make it up
+    assert finer.shares.sum() == pytest.approx(1)
+    halves = np.flatnonzero(finer.shares < 0.015)
+    assert len(halves) == 20
+    starts = np.cumsum(finer.shares) - finer.shares
+    for k in (7, 30):
+        assert np.isclose(starts[halves], k / 50).any(), "an interval to blame was not halved"
+
+
+def test_the_degree_rises_where_most_are_to_blame():
+    growth = Growth(np.full(50, 1e-3), np.zeros(50), np.zeros(50))
+    finer = refined(FIRST, certificate_with(growth, position=0.05), Accuracy())
+    assert (finer.intervals, finer.degree) == (50, 4)
+    most = replace(FIRST, degree=5)
+    assert refined(most, certificate_with(growth, position=0.05), Accuracy()).intervals == 100
+    capped = replace(most, intervals=MOST_INTERVALS)
+    growth = Growth(np.full(MOST_INTERVALS, 1e-3), np.zeros(MOST_INTERVALS), np.zeros(MOST_INTERVALS))
+    assert refined(capped, certificate_with(growth, position=0.05), Accuracy()) is None
+
+
+def test_a_coarse_start_is_refined_until_it_keeps_the_accuracy():
+    first = Transcription("radau", 2, 20, "current")
+    accuracy = Accuracy(position=1e-4, speed=1e-3, limit=1e-3)
+    found = solve_accurately(paper_problem(0.4, 1.0), accuracy, SolverOptions(), first=first)
+    assert found.met
+    assert found.certificate.meets(accuracy)
+    assert not found.rounds[0].certificate.meets(accuracy)
+    assert [step.transcription.intervals for step in found.rounds][:1] == [20]
+    assert found.solution.problem.transcription == found.rounds[-1].transcription
+    names = [attempt.name for attempt in found.solution.attempts]
+    assert names[0] == "quintic"
+    assert names[-1].endswith("given start"), "a refined solve starts from the motion before it"
+    assert found.solution.iterations == sum(attempt.iterations for attempt in found.solution.attempts)
+
+
+def test_a_task_that_cannot_be_solved_has_no_rounds():
+    problem = Problem(UR5, replace(paper_task(0.4, 1.0), start=np.full(6, 9.0)))
+    found = solve_accurately(problem, Accuracy(), SolverOptions())
+    assert (found.met, found.rounds, found.certificate) == (False, (), None)
+
+
+def test_default_transcription_keeps_the_default_accuracy():
+    """The paper's middle task. All 25: `python -m benchmarks.accuracy`."""
+    certificate = certify(solve(replace(paper_problem(0.6, 2.0), transcription=FIRST)))
+    assert certificate.meets(Accuracy())
+    assert not certify(solved(0.6, 2.0)).meets(Accuracy())
