@@ -26,7 +26,8 @@ export async function show(at, signal) {
   const queue = h("p", { class: "about" });
 
   function pickAll() {
-    for (const id of rows.keys()) pick(id, all.checked);
+    const yes = all.checked; // picking the first of many changes it
+    for (const id of rows.keys()) pick(id, yes);
   }
 
   function pick(id, yes) {
