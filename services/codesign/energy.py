@@ -18,10 +18,10 @@ def kinetic_energy(arm: Arm, q: Expression, qd: Expression) -> Expression:
 
 
 def potential_energy(arm: Arm, q: Expression) -> Expression:
-    """-sum m g'c [J] over all bodies, c from the origin of the space frame."""
+    """-sum m g'c [J] over the bodies that move, c from the origin of the space frame; rotor 1 stays where it is."""
     R: Expression = ca.SX.eye(3)
     p: Expression = ca.SX(3, 1)
-    energy = -_weight_moment(arm, arm.rotor_inertia[0], R, p)  # rotor 1 stands on the base
+    energy: Expression = 0
     for k in range(arm.joints):
         R_k, p_k = arm.pose(k, q)
         R, p = R @ R_k, p + R @ ca.DM(p_k)
