@@ -136,8 +136,8 @@ def test_certificate_sees_a_voltage_that_is_wrong():
     assert good.meets(Accuracy(limit=0.01))
     assert not bad.meets(Accuracy(limit=0.01))
     assert bad.replay_position > 30 * good.replay_position
-    afterwards = bad.growth.speed[32:].max()
-    assert afterwards < 0.2 * bad.growth.speed.max(), "the error is looked for where it does not sit"
+    afterwards = bad.growth.position[40:].max()
+    assert afterwards < 0.1 * bad.growth.position.max(), "the error is looked for where it does not sit"
 
 
 def test_a_failed_solve_has_no_certificate():
