@@ -30,21 +30,40 @@ class Elimination:
     pairs: np.ndarray  # (stages,) number of (variable, constraint) pairs that each stage begins with
 
 
+_KNOWN: dict[tuple[IntervalLayout, bytes, bytes], Elimination] = {}
+
+
 def elimination(program: Program, instance: Instance) -> Elimination:
     """Order for the systems of one instance: which variables are pinned and which constraints are equalities matters.
 
-    A constraint without bounds counts as an inequality, as IPOPT has it.
+    A constraint without bounds counts as an inequality, as IPOPT has it. Found once per process for tasks alike.
     """
     free = instance.lower_x != instance.upper_x
     equality = instance.lower_g == instance.upper_g
+    key = (program.layout, free.tobytes(), equality.tobytes())
+    if key not in _KNOWN:
+        _KNOWN[key] = _find(program, free, equality)
+    return _KNOWN[key]
+
+
+def _find(program: Program, free: np.ndarray, equality: np.ndarray) -> Elimination:
+    numbers = number_unknowns(free, equality)
+    stages = [interval_stage(program, w, *numbers) for w in range(program.intervals)]
+    return in_order([*stages, border_stage(program, *numbers)])
+
+
+def number_unknowns(free: np.ndarray, equality: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Unknown of each variable (-1: pinned), of each constraint's slack (-1: none), and of each multiplier."""
     variables, inequalities = int(free.sum()), int((~equality).sum())
-    variable = np.where(free, np.cumsum(free) - 1, -1)  # unknown of each variable; -1 for a pinned one
+    variable = np.where(free, np.cumsum(free) - 1, -1)
     slack = np.where(equality, -1, variables + np.cumsum(~equality) - 1)
     first_multiplier = variables + inequalities
     multiplier = first_multiplier + np.where(equality, np.cumsum(equality), equality.sum() + np.cumsum(~equality)) - 1
+    return variable, slack, multiplier
 
-    stages = [_interval_stage(program, w, variable, slack, multiplier) for w in range(program.intervals)]
-    stages.append(_border_stage(program, variable, slack, multiplier))
+
+def in_order(stages: list[tuple[np.ndarray, np.ndarray]]) -> Elimination:
+    """Stages, each as its pairs (m, 2) and its other unknowns, one after the other."""
     order = [part for pairs, rest in stages for part in (np.ravel(pairs), rest)]
     sizes = [2 * len(pairs) + len(rest) for pairs, rest in stages]
     return Elimination(
@@ -54,7 +73,7 @@ def elimination(program: Program, instance: Instance) -> Elimination:
     )
 
 
-def _interval_stage(
+def interval_stage(
     program: Program, w: int, variable: np.ndarray, slack: np.ndarray, multiplier: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pairs (m, 2) and other unknowns of interval w: all that no later interval needs."""
@@ -112,7 +131,7 @@ def _current_pairs(layout: IntervalLayout, own: np.ndarray, y: np.ndarray) -> np
     return np.column_stack([own[index], y[index]])
 
 
-def _border_stage(
+def border_stage(
     program: Program, variable: np.ndarray, slack: np.ndarray, multiplier: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Slacks of the motors' constraints with their multipliers; then design and t_f."""

@@ -62,7 +62,8 @@ class Kernels:
     parameters):
 
     - value -> (constraints, effort)
-    - jacobian -> (d constraints / dv, gradient of effort), sparse
+    - jacobian -> d constraints / dv, sparse
+    - effort_gradient -> gradient of effort in v, sparse
     - hessian, with multipliers of constraints and effort appended -> upper triangle of the Hessian in v
     - demand: (q, qd, qdd, design, parameters) -> scaled (i_q, u_d, u_q) that a motion needs with i_d = 0
     - motor_value, motor_jacobian, motor_hessian: the same for the design constraints of one motor
@@ -70,6 +71,7 @@ class Kernels:
 
     value: ca.Function
     jacobian: ca.Function
+    effort_gradient: ca.Function
     hessian: ca.Function
     demand: ca.Function
     motor_value: ca.Function
@@ -177,7 +179,8 @@ def _functions(robot: Robot, layout: IntervalLayout) -> dict[str, ca.Function]:
     hessian, _ = ca.hessian(ca.dot(lam_g, e.constraints) + lam_e * e.effort, v)
     interval = {
         "value": (inputs, [e.constraints, e.effort]),
-        "jacobian": (inputs, [ca.jacobian(e.constraints, v), ca.densify(ca.gradient(e.effort, v))]),
+        "jacobian": (inputs, [ca.jacobian(e.constraints, v)]),
+        "effort_gradient": (inputs, [ca.jacobian(e.effort, v).T]),
         "hessian": ([*inputs, lam_g, lam_e], [ca.triu(hessian)]),
         "demand": demand_expressions(robot),
     }

@@ -103,10 +103,14 @@ def build_program(kernels: Kernels, layout: IntervalLayout, intervals: int) -> P
     f = s.time_weight * s.final_time + s.effort_weight * ca.sum2(efforts)
     g = ca.vertcat(ca.vec(g_intervals), ca.vec(over_motors(kernels.motor_value)))
 
-    jacobian, effort_gradients = over_intervals(kernels.jacobian)
-    motor_jacobian = over_motors(kernels.motor_jacobian)
-    jac = indices.jacobian(kernels, jacobian, motor_jacobian)
-    gradient = s.effort_weight * indices.gradient(effort_gradients) + _unit(s.time_weight, indices)
+    jac = indices.jacobian(kernels, over_intervals(kernels.jacobian), over_motors(kernels.motor_jacobian))
+    # Without an effort in the objective its gradient is not evaluated.
+    effort = ca.Function(
+        "effort_gradient", [s.x, s.p], [indices.gradient(kernels, over_intervals(kernels.effort_gradient))]
+    )
+    nothing = ca.Function("no_gradient", [s.x, s.p], [ca.DM.zeros(indices.size)])
+    either = ca.Function.if_else("effort_gradient_or_none", effort, nothing)
+    gradient = s.effort_weight * either(s.effort_weight != 0, s.x, s.p) + _unit(s.time_weight, indices)
 
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.shape[0])
     split = N * (layout.equalities + layout.inequalities)
@@ -179,11 +183,12 @@ class _Indices:
         rows += [first + constraints * k + local_motor[0] for k in range(n)]
         cols += [len(DIMENSIONS) * k + local_motor[1] for k in range(n)]
         values = ca.vertcat(_nonzeros(interval), _nonzeros(motor))
-        return _scatter(values, np.concatenate(rows), np.concatenate(cols), (first + constraints * n, self.size))
+        return scatter(values, np.concatenate(rows), np.concatenate(cols), (first + constraints * n, self.size))
 
-    def gradient(self, effort_gradients: Any) -> Any:
-        cols = np.concatenate([self.columns(w) for w in range(self.intervals)])
-        return ca.densify(_scatter(ca.vec(effort_gradients), cols, np.zeros_like(cols), (self.size, 1)))
+    def gradient(self, kernels: Kernels, efforts: Any) -> Any:
+        local, _ = (np.array(part) for part in kernels.effort_gradient.sparsity_out(0).get_triplet())
+        cols = np.concatenate([self.columns(w)[local] for w in range(self.intervals)])
+        return ca.densify(scatter(_nonzeros(efforts), cols, np.zeros_like(cols), (self.size, 1)))
 
     def hessian(self, kernels: Kernels, interval: Any, motor: Any) -> Any:
         local = [np.array(part) for part in kernels.hessian.sparsity_out(0).get_triplet()]
@@ -192,14 +197,14 @@ class _Indices:
         pairs += [len(DIMENSIONS) * k + part for k in range(self.layout.joints) for part in local_motor]
         a, b = np.concatenate(pairs[0::2]), np.concatenate(pairs[1::2])
         values = ca.vertcat(_nonzeros(interval), _nonzeros(motor))
-        return _scatter(values, np.minimum(a, b), np.maximum(a, b), (self.size, self.size))
+        return scatter(values, np.minimum(a, b), np.maximum(a, b), (self.size, self.size))
 
 
 def _nonzeros(matrix: Any) -> Any:
     return matrix.nz[:]
 
 
-def _scatter(values: Any, rows: np.ndarray, cols: np.ndarray, shape: tuple[int, int]) -> Any:
+def scatter(values: Any, rows: np.ndarray, cols: np.ndarray, shape: tuple[int, int]) -> Any:
     """Sparse matrix with `values` added up at (rows, cols); entries with a negative index are dropped."""
     keep = np.flatnonzero((rows >= 0) & (cols >= 0))
     flat = cols[keep] * shape[0] + rows[keep]

@@ -264,18 +264,23 @@ static int eliminate_pair(Front *front, int k, Factors *out, int *slots) {
   const double p = c / det, q = -g / det, r = S / det; /* inverse of the pivot: [p q; q r] */
   *kept++ = p, *kept++ = q, *kept++ = r;
   double *kept_b = kept, *kept_a = kept + count;
+  int *short_list = slots + count, short_count = 0; /* rows with a nonzero in a, few */
   for (int t = 0; t < count; t++) {
     where[t] = front->position[slots[t]];
     kept_b[t] = b[slots[t]];
     kept_a[t] = a[slots[t]];
+    short_list[short_count] = t;
+    short_count += kept_a[t] != 0;
   }
+  int below = 0; /* the short list from here on lies on or below the diagonal */
   for (int t = 0; t < count; t++) {
     const double z_b = p * kept_b[t] + q * kept_a[t], z_a = q * kept_b[t] + r * kept_a[t];
     double *column = front->a + (size_t)slots[t] * (size_t)stride;
     if (z_b != 0)
       for (int u = t; u < count; u++) column[slots[u]] -= kept_b[u] * z_b + kept_a[u] * z_a;
     else
-      for (int u = t; u < count; u++) column[slots[u]] -= kept_a[u] * z_a;
+      for (int u = below; u < short_count; u++) column[slots[short_list[u]]] -= kept_a[short_list[u]] * z_a;
+    below += below < short_count && short_list[below] == t;
   }
   out->integers += 1 + count;
   out->reals += 3 + 2 * count;
@@ -485,7 +490,7 @@ static Space space_for(const Plan *plan, int boundaries, int room) {
   }
   space.reals += plan->nz + 2 * front_reals(space.front) + work_reals(space.front);
   space.integers += HEADER + plan_integers(plan->n, plan->nz, plan->stages) + boundaries; /* the plan */
-  space.integers += plan->n + 3 * space.front + 2 * plan->stages;                         /* work, table */
+  space.integers += plan->n + 4 * space.front + 2 * plan->stages;                         /* work, table */
   return space;
 }
 
@@ -557,7 +562,7 @@ static int factorise(const Plan *plan, int boundaries, double threshold, double 
 
   double *fronts = a + plan->nz, *work = fronts + 2 * front_reals(space.front);
   int *slot = iw + HEADER + plan_integers(plan->n, plan->nz, plan->stages) + boundaries;
-  int *lists = slot + plan->n, *slots = lists + 2 * space.front, *table = slots + space.front;
+  int *lists = slot + plan->n, *slots = lists + 2 * space.front, *table = slots + 2 * space.front;
   Factors out = {table + 2 * plan->stages, work + work_reals(space.front), 0};
   iw[STAGES] = plan->stages, iw[TABLE] = (int)(table - iw), iw[FRONT] = space.front;
 

@@ -83,6 +83,7 @@ def all_inputs(layout: IntervalLayout) -> dict[str, list[np.ndarray]]:
     return {
         "value": interval,
         "jacobian": interval,
+        "effort_gradient": interval,
         "hessian": [*interval, lam, np.array([0.3])],
         "demand": [*rng.normal(size=(3, n)), interval[2], interval[5]],
         "motor_value": motor,
@@ -147,11 +148,10 @@ def test_interval_derivatives_against_differences(layout):
         return np.append(constraints.full().ravel(), float(effort))
 
     def gradient(v: np.ndarray) -> np.ndarray:
-        jacobian, effort = k.jacobian(*split(v))
+        jacobian, effort = k.jacobian(*split(v)), k.effort_gradient(*split(v))
         return jacobian.full().T @ lam + lam_effort * effort.full().ravel()
 
-    jacobian, effort_gradient = (part.full() for part in k.jacobian(*split(point)))
-    exact = np.vstack([jacobian, effort_gradient.T])
+    exact = np.vstack([k.jacobian(*split(point)).full(), k.effort_gradient(*split(point)).full().T])
     assert row_error(exact, differences(values, point)) < DIFFERENCES
     upper = k.hessian(*split(point), lam, lam_effort).full()
     hessian = upper + np.triu(upper, 1).T
