@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 from fastapi.testclient import TestClient
 
 from api.app import create_app
+from api.dashboard import STATIC
 from services.codesign.motor_data import MotorData
 from shared.settings import Settings
 from tests.service.requests import body, grid
@@ -125,3 +128,22 @@ def test_the_list_says_how_far_each_is(client: TestClient) -> None:
     found = client.get("/v1/applications", params={"name": "alpha 100%"}).json()["items"]
     assert [item["name"] for item in found] == ["Alpha 100%"]
     assert client.get("/v1/applications", params={"name": "%"}).json()["items"] == found
+
+
+def test_what_the_first_pages_import_is_fetched_at_once() -> None:
+    """Not one after the other: every module below the list and a live application has a preload, and no other."""
+    scripts = STATIC / "js"
+    found: set[Path] = set()
+
+    def follow(module: Path) -> None:
+        if module in found:
+            return
+        found.add(module)
+        for name in re.findall(r'from "(\.[^"]+)"', module.read_text(encoding="utf-8")):
+            follow((module.parent / name).resolve())
+
+    for entry in ("main.js", "pages/list.js", "pages/application.js"):
+        follow(scripts / entry)
+    expected = {f"/dashboard/js/{module.relative_to(scripts)}" for module in found} - {"/dashboard/js/main.js"}
+    page = (STATIC / "index.html").read_text(encoding="utf-8")
+    assert set(re.findall(r'rel="modulepreload" href="([^"]+)"', page)) == expected

@@ -18,7 +18,7 @@ export function dimensioned(section, d, title) {
   const box = [-R - BESIDE * k, -R - AROUND * k, left + d.L + R + 2 * BESIDE * k, 2 * R + 2 * AROUND * k];
   return s(
     "svg",
-    { class: "drawing", viewBox: box.map((v) => v.toFixed(2)).join(" "), role: "img", "aria-label": title },
+    { class: "drawing large", viewBox: box.map((v) => v.toFixed(2)).join(" "), role: "img", "aria-label": title },
     across(section),
     radius(d, section, k),
     inSlots(d, section, k),

@@ -78,7 +78,7 @@ function detail(sheet, section, resolved) {
       h("h2", {}, `Motor ${sheet.joint}`),
       h("p", { class: "about" }, binding === 0 ? "no limit binds" : `${binding} limit${binding === 1 ? "" : "s"} bind`),
     ),
-    dimensioned(section, sheet.dimensions_mm, title),
+    h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Drawing" }, dimensioned(section, sheet.dimensions_mm, title)),
     h(
       "div",
       { class: "columns tables" },
