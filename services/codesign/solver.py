@@ -170,7 +170,7 @@ def run(
     try:
         staged, watch = load_staged_ldl(), (progress, attempt, deadline)
         outcome = _run_with(staged, program, instance, start, options, watch=watch)
-        if staged is not None and outcome.status in LINEAR_ALGEBRA_FAILED:
+        if staged is not None and (staged.refused or outcome.status in LINEAR_ALGEBRA_FAILED):
             outcome = _run_with(None, program, instance, start, options, watch=watch)
         return outcome
     finally:

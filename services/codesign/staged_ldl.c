@@ -44,6 +44,7 @@ static struct {
   int *order; /* (n) index at each position */
   int *first; /* (stages + 1) position at which each stage begins */
   int *pairs; /* (stages) number of pairs at the beginning of each stage: variable, constraint, variable, ... */
+  int refused; /* systems of another size that came since */
 } handed;
 
 /* Hand over the order for the systems that follow. Returns 0, or 1 when there is no memory. */
@@ -53,6 +54,7 @@ int staged_ldl_order(int n, int stages, const int *order, const int *first, cons
   free(handed.order);
   handed.n = n;
   handed.stages = stages;
+  handed.refused = 0;
   handed.order = room;
   handed.first = room + n;
   handed.pairs = room + n + stages + 1;
@@ -61,6 +63,9 @@ int staged_ldl_order(int n, int stages, const int *order, const int *first, cons
   memcpy(handed.pairs, pairs, sizeof(int) * (size_t)stages);
   return 0;
 }
+
+/* How many systems came since that the order does not fit. */
+int staged_ldl_refused(void) { return handed.refused; }
 
 /* ---- the plan: which entry goes where, found once for a pattern ---- */
 
@@ -223,7 +228,7 @@ static void subtract_product(int m, int k, const double *restrict L, int ldl, co
  * Reals: the pairs' records; D inverse, 2 numbers a column; the panel of L, its columns `padded(rows)` apart.
  * A pair's record: the number of rows and their positions; the inverse of the pivot (3 numbers), columns b and a. */
 
-enum { PAIRS, ROWS, COLUMNS, FIRST, STAGE_HEADER };
+enum { PAIRS, ROWS, COLUMNS, FIRST, POSITIONS, DIAGONAL, STAGE_HEADER }; /* the last two: places, as for the pairs */
 
 typedef struct {
   int size;       /* unknowns in the front */
@@ -536,6 +541,7 @@ static int eliminate(Front *front, int first, int pairs, double threshold, int l
 
   const int columns = end - left;
   integers[PAIRS] = left / 2, integers[ROWS] = rows, integers[COLUMNS] = columns, integers[FIRST] = first;
+  integers[POSITIONS] = (int)(positions - integers), integers[DIAGONAL] = (int)(diagonal - reals);
   memcpy(positions, front->position + left, sizeof(int) * (size_t)rows);
   double *panel = diagonal + 2 * columns;
   for (int p = 0; p < columns; p++)
@@ -588,17 +594,15 @@ static void solve_forward(const int *iw, const double *a, double *x, double *loc
     const int *integers = iw + iw[iw[TABLE] + 2 * s], *table = integers + STAGE_HEADER;
     const double *reals = a + iw[iw[TABLE] + 2 * s + 1];
     const int rows = integers[ROWS], columns = integers[COLUMNS], stride = padded(rows);
-    const int *positions = table + 2 * integers[PAIRS];
-    const double *diagonal = reals;
+    const int *positions = integers + integers[POSITIONS];
+    const double *panel = reals + integers[DIAGONAL] + 2 * columns;
     for (int k = 0; k < integers[PAIRS]; k++) {
       const int *record = integers + table[2 * k], count = record[0], *where = record + 1;
       const double *pivot = reals + table[2 * k + 1], *b = pivot + 3, *c = b + count;
       const double *y = x + integers[FIRST] + 2 * k;
       const double u = pivot[0] * y[0] + pivot[1] * y[1], v = pivot[1] * y[0] + pivot[2] * y[1];
       for (int t = 0; t < count; t++) x[where[t]] -= b[t] * u + c[t] * v;
-      positions = where + count, diagonal = c + count;
     }
-    const double *panel = diagonal + 2 * columns;
     for (int i = 0; i < rows; i++) local[i] = x[positions[i]];
     for (int p = 0; p < columns; p++, panel += stride) subtract(local + p + 1, local[p], panel + p + 1, rows - p - 1);
     for (int i = 0; i < rows; i++) x[positions[i]] = local[i];
@@ -611,12 +615,8 @@ static void solve_backward(const int *iw, const double *a, double *x, double *lo
     const int *integers = iw + iw[iw[TABLE] + 2 * s], *table = integers + STAGE_HEADER;
     const double *reals = a + iw[iw[TABLE] + 2 * s + 1];
     const int pairs = integers[PAIRS], rows = integers[ROWS], columns = integers[COLUMNS], stride = padded(rows);
-    const int *positions = table + 2 * pairs;
-    const double *diagonal = reals;
-    if (pairs > 0) {
-      const int *record = integers + table[2 * pairs - 2];
-      positions = record + 1 + record[0], diagonal = reals + table[2 * pairs - 1] + 3 + 2 * record[0];
-    }
+    const int *positions = integers + integers[POSITIONS];
+    const double *diagonal = reals + integers[DIAGONAL];
     const int *kinds = positions + rows;
     const double *panel = diagonal + 2 * columns;
     for (int i = 0; i < rows; i++) local[i] = x[positions[i]];
@@ -669,6 +669,7 @@ void ma27ad_(int *n, int *nz, const int *irn, const int *icn, int *iw, int *liw,
   memset(info, 0, 20 * sizeof(int));
   *nsteps = 1, *ops = 0;
   if (handed.n != *n || KEPT + *n + 2 * handed.stages + 1 > 3 * *n) {
+    handed.refused++;
     info[0] = FAILED_SIZE;
     return;
   }

@@ -52,6 +52,11 @@ class StagedLDL:
             raise MemoryError("no memory for the order of elimination")
 
     @property
+    def refused(self) -> bool:
+        """Whether a system came since that the order does not fit. IPOPT may call that a failed restoration."""
+        return bool(self.library.staged_ldl_refused())
+
+    @property
     def ipopt_options(self) -> dict[str, Any]:
         """What makes IPOPT use it."""
         return {
