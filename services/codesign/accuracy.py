@@ -18,7 +18,7 @@ from services.codesign.solve import Progress, Solution, SolverOptions, solve
 
 FIRST = Transcription("radau", 3, 50, "current")
 """Keeps the default accuracy at once for the paper's tasks. Degree 2 exceeds limits by up to 1 percent between points,
-and 25 intervals cost 1.5 percent of the minimum time (docs/accuracy.md)."""
+and 25 intervals cost 1.5 percent of the minimum time: departure 12 (docs/model.md)."""
 
 MOST_REFINEMENTS = 4
 MOST_INTERVALS = 200

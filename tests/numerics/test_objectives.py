@@ -7,8 +7,9 @@ from itertools import pairwise
 
 import pytest
 
+from services.codesign.certify import certify
 from services.codesign.guess import starting_design
-from services.codesign.problem import Objective, Problem
+from services.codesign.problem import Objective, Problem, Transcription
 from services.codesign.solve import References, references, solve, with_references
 from tests.numerics.tasks import UR5, paper_problem, paper_task, solved
 
@@ -87,3 +88,25 @@ def test_references_that_cannot_be_found_fail_the_task():
     solution = solve(problem)
     assert not solution.success
     assert "range" in solution.reason
+
+
+@pytest.mark.parametrize("control", ["voltage", "current"])
+def test_electrical_energy_is_less_than_that_of_least_effort(control):
+    """Each objective wins in its own unit; joules are those of the motion, signed."""
+    transcription = Transcription("radau", 1, 20) if control == "voltage" else Transcription("radau", 2, 20, "current")
+    least, effort = (
+        solve(paper_problem(0.6, 2.0, kind, transcription=transcription)) for kind in ("electrical_energy", "energy")
+    )
+    assert least.success
+    assert least.objective == least.measures.electrical_energy
+    assert least.measures.final_time == pytest.approx(1.0)
+    assert least.measures.electrical_energy < 0.9 * effort.measures.electrical_energy
+    assert effort.measures.effort < 0.9 * least.measures.effort
+    drawn = certify(least).energies.electrical
+    assert drawn == pytest.approx(least.objective, rel=2e-2)  # implicit Euler on 20 intervals books 1 percent more
+
+
+def test_electrical_energy_needs_a_duration():
+    problem = Problem(UR5, replace(paper_task(0.6, 2.0), duration=None), objective=Objective("electrical_energy"))
+    with pytest.raises(ValueError, match="duration"):
+        solve(problem)
