@@ -65,7 +65,7 @@ def test_scrub_a_motion(page: Page, finished: str) -> None:
 
     page.get_by_role("button", name="Play").click()
     expect(page.get_by_role("button", name="Pause")).to_be_visible()
-    page.wait_for_function("document.querySelector('.player input').value > 0.005")
+    expect(page.locator(".player output")).to_have_text(re.compile(r"^0\.0[1-9]"))
     page.get_by_role("button", name="Pause").click()
 
     page.get_by_role("group", name="Joint").get_by_text("2", exact=True).click()

@@ -4,6 +4,7 @@ import { dot } from "./kinematics.js";
 
 const DISTANCE = 6; // in units of what is seen
 const TURN = 0.09; // rad a key press
+const FILLED = 0.82; // share of the canvas
 
 /** @param {number[]} centre @param {number} radius of what has to be seen [m] */
 export function camera(centre, radius) {
@@ -31,7 +32,16 @@ export function camera(centre, radius) {
     };
   }
 
-  return { view, look };
+  /** Zoom so that points just fit. @param {number[][]} points */
+  function fit(points, width, height) {
+    view.zoom = 1;
+    const { project } = look(width, height);
+    const flat = points.map(project);
+    const share = Math.max(...flat.map(([x, y]) => Math.max(Math.abs(2 * x - width) / width, Math.abs(2 * y - height) / height)));
+    view.zoom = Math.min(3, FILLED / (share || 1));
+  }
+
+  return { view, look, fit };
 }
 
 /** Drag, arrow keys, plus and minus. @param {HTMLCanvasElement} canvas */

@@ -28,15 +28,18 @@ export function armView(robot, motors, positions, payload, signal) {
   });
   const path = positions.map((angles) => armAt(robot, angles).tool);
   const room = roomOf(robot, positions);
-  const { view, look } = camera(room.centre, room.radius);
+  const { view, look, fit } = camera(room.centre, room.radius);
   let angles = positions[0];
   let ink = colours(canvas);
+  let fitted = false;
 
   function draw(next = angles) {
     angles = next;
     const ratio = devicePixelRatio || 1;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     if (width === 0) return;
+    if (!fitted) fit(room.points, width, height);
+    fitted = true;
     if (canvas.width !== Math.round(width * ratio)) canvas.width = Math.round(width * ratio);
     if (canvas.height !== Math.round(height * ratio)) canvas.height = Math.round(height * ratio);
     const pen = canvas.getContext("2d");
@@ -80,6 +83,7 @@ function roomOf(robot, positions) {
     centre: ends.map(([low, high]) => (low + high) / 2),
     radius: length(ends.map(([low, high]) => (high - low) / 2)) + BALL_RADIUS,
     floor,
+    points: [...points, [points[0][0], points[0][1], floor]],
   };
 }
 

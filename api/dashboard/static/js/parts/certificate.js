@@ -18,7 +18,7 @@ export function certificateView(certificate) {
     ["Electrical balance, residual", c.energy_balance?.electrical?.residual_J, (v) => quantity(v, "J")],
     ["Mechanical balance, residual", c.energy_balance?.mechanical?.residual_J, (v) => quantity(v, "J")],
     ["Transcription", c.scheme, (v) => [v, c.degree && `degree ${c.degree}`, c.intervals && `${c.intervals} intervals`].filter(Boolean).join(", ")],
-    ["Voltages", typeof c.control === "string" ? c.control : null, words],
+    ["Control", typeof c.control === "string" ? c.control : null, words],
   ];
   const facts = lines
     .filter(([, value]) => value !== null && value !== undefined)
