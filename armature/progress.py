@@ -21,6 +21,8 @@ STAGES = {
     "codesign": "co-design, task by task",
     "reconcile": "one design for all tasks",
     "motions": "every motion again with it",
+    "shared_optimum": "the best design for all tasks at once",
+    "shared_motions": "every motion with that one",
 }
 """What a stage does, in words."""
 

@@ -45,14 +45,8 @@ class Stage(StrEnum):
     CODESIGN = "codesign"
     RECONCILE = "reconcile"
     MOTIONS = "motions"
-
-
-class Method(StrEnum):
-    """How the one design of an application is found."""
-
-    TWO_STEP = "two_step"
-    EMPIRICAL = "empirical"
-    WORST_CASE = "worst_case"
+    SHARED_OPTIMUM = "shared_optimum"
+    SHARED_MOTIONS = "shared_motions"
 
 
 TRANSITIONS: dict[JobState, frozenset[JobState]] = {

@@ -12,6 +12,7 @@ import numpy as np
 
 from services.codesign.instance import Instance
 from services.codesign.program import Program
+from services.codesign.shared_program import SharedProgram
 
 MULTIPLIER_SIZE = 100.0
 """Mean multiplier above which residuals are taken relative to it: s_max of Waechter & Biegler 2006, eq. (6)."""
@@ -25,7 +26,9 @@ class Optimality:
     constraint_violation: float  # largest, constraints and bounds; 1 is about one limit
 
 
-def optimality(program: Program, instance: Instance, x: np.ndarray, lam_x: np.ndarray, lam_g: np.ndarray) -> Optimality:
+def optimality(
+    program: Program | SharedProgram, instance: Instance, x: np.ndarray, lam_x: np.ndarray, lam_g: np.ndarray
+) -> Optimality:
     """Evaluate the first-order conditions at a point with its multipliers.
 
     Multipliers of pinned variables (equal bounds: a given design, the end state) count like the others; minus

@@ -18,10 +18,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from services.codesign.elimination import elimination
+from services.codesign.elimination import Elimination, elimination
 from services.codesign.guess import Guess
 from services.codesign.instance import Instance
 from services.codesign.program import Program
+from services.codesign.shared_elimination import shared_elimination
+from services.codesign.shared_program import SharedProgram
 from services.codesign.staged_ldl import StagedLDL, load_staged_ldl
 
 SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level", "Feasible_Point_Found")
@@ -90,7 +92,7 @@ class Outcome:
 class _Monitor(ca.Callback):
     """IPOPT's iteration callback: reports, and stops the solve when asked to, when time is up or on an exception."""
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: Program | SharedProgram) -> None:
         ca.Callback.__init__(self)
         self._sizes = {"x": program.variables, "f": 1, "g": program.constraints}
         self._sizes |= {"lam_x": program.variables, "lam_g": program.constraints}
@@ -130,7 +132,7 @@ class _Monitor(ca.Callback):
 
 @dataclass(frozen=True)
 class _Solver:
-    program: Program  # kept, so that its id stays its own
+    program: Program | SharedProgram  # kept, so that its id stays its own
     function: ca.Function
     monitor: _Monitor
 
@@ -140,7 +142,7 @@ _BUSY = threading.Lock()
 
 
 def run(
-    program: Program,
+    program: Program | SharedProgram,
     instance: Instance,
     start: Guess,
     options: SolverOptions,
@@ -179,7 +181,7 @@ def run(
 
 def _run_with(
     staged: StagedLDL | None,
-    program: Program,
+    program: Program | SharedProgram,
     instance: Instance,
     start: Guess,
     options: SolverOptions,
@@ -191,7 +193,7 @@ def _run_with(
     solver = _solver(program, options, warm, staged)
     solver.monitor.begin(*watch)
     if staged is not None:
-        staged.hand_over(elimination(program, instance))
+        staged.hand_over(_order(program, instance))
     began = time.perf_counter()
     with _interrupts_kept(solver.monitor):
         result = solver.function(**_arguments(instance, start))
@@ -209,6 +211,12 @@ def _run_with(
         seconds=seconds,
         linear_solver=MUMPS if staged is None else STAGED,
     )
+
+
+def _order(program: Program | SharedProgram, instance: Instance) -> Elimination:
+    if isinstance(program, SharedProgram):
+        return shared_elimination(program, instance)
+    return elimination(program, instance)
 
 
 @contextmanager
@@ -243,7 +251,7 @@ def _arguments(instance: Instance, start: Guess) -> dict[str, np.ndarray]:
     return numbers
 
 
-def _solver(program: Program, options: SolverOptions, warm: bool, staged: StagedLDL | None) -> _Solver:
+def _solver(program: Program | SharedProgram, options: SolverOptions, warm: bool, staged: StagedLDL | None) -> _Solver:
     key = (id(program), options, warm, MUMPS if staged is None else str(staged.path))
     if key not in _SOLVERS:
         monitor = _Monitor(program)
@@ -254,7 +262,7 @@ def _solver(program: Program, options: SolverOptions, warm: bool, staged: Staged
 
 
 def _casadi_options(
-    program: Program, options: SolverOptions, warm: bool, staged: StagedLDL | None, monitor: _Monitor
+    program: Program | SharedProgram, options: SolverOptions, warm: bool, staged: StagedLDL | None, monitor: _Monitor
 ) -> dict[str, Any]:
     ipopt: dict[str, Any] = {
         "tol": options.tol,

@@ -6,13 +6,9 @@ from collections import deque
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from services.codesign.accuracy import solve_accurately
 from services.codesign.certify import Certificate, certify
-from services.codesign.design_sheet import design_sheet
 from services.codesign.measures import Measures
-from services.codesign.motor_data import MotorData
 from services.codesign.problem import Accuracy, Problem
 from services.codesign.reconcile import mean_design, project_design
 from services.codesign.solution import Solution
@@ -20,8 +16,10 @@ from services.codesign.solve import SolverOptions, solve, with_references
 from services.codesign.solver import STOPPED, IterationReport, Progress
 from services.jobs.arrays import pack
 from services.jobs.certificates import certificate_wire, energies_wire, finite, input_hash, missed, refinement_wire
+from services.jobs.design_wire import design_mm, design_wire
+from services.jobs.find_shared_optimum import find_shared_optimum
 from services.jobs.finish import Outcome
-from services.jobs.work import MILLIMETRE, Work
+from services.jobs.work import Work
 from shared.domain import JobState, Stage
 
 MOST_LOG_LINES = 2000
@@ -32,6 +30,8 @@ def execute(work: Work, options: SolverOptions, progress: Progress) -> Outcome:
     """Do a job's work; `progress` is called at every solver iteration and stops the solve when it returns True."""
     if work.spec.stage == Stage.RECONCILE:
         return _reconcile(work)
+    if work.spec.stage == Stage.SHARED_OPTIMUM:
+        return find_shared_optimum(work, options, progress)
     problem = work.application.build_problem(work.spec.task_index, work.design)
     if work.references is not None:
         problem = with_references(problem, work.references)
@@ -124,7 +124,7 @@ def _measures(measures: Measures) -> dict[str, Any]:
 def _reconcile(work: Work) -> Outcome:
     """Designs of all methods: Problem 2 for the mean, a task's own design for the others."""
     application, motor, designs = work.application, work.application.build_motor(), {}
-    for method in application.methods:
+    for method in application.base_methods:
         if method == "two_step":
             solved = sorted(work.own_designs)
             weights = [application.tasks[k].weight for k in solved]
@@ -133,20 +133,10 @@ def _reconcile(work: Work) -> Outcome:
             designs["mean"] = {"design_mm": design_mm(mean), "tasks": solved}
             if projection.feasible:
                 distance = {"distance": projection.distance, "solver_status": projection.status}
-                designs[method] = _design(projection.design, motor) | distance
+                designs[method] = design_wire(projection.design, motor) | distance
         elif (task := application.design_task(method)) in work.own_designs:
-            designs[method] = _design(work.own_designs[task], motor) | {"task": task}
-    missing = [method for method in application.methods if method not in designs]
+            designs[method] = design_wire(work.own_designs[task], motor) | {"task": task}
+    missing = [method for method in application.base_methods if method not in designs]
     reason = f"no design for {', '.join(missing)}" if missing else None
-    state = JobState.FAILED if application.method in missing else JobState.SUCCEEDED
+    state = JobState.FAILED if application.method in missing or not designs else JobState.SUCCEEDED
     return Outcome(state, reason, summary={"methods": sorted(designs)}, designs=designs)
-
-
-def _design(design: np.ndarray, motor: MotorData) -> dict[str, Any]:
-    return {"design_mm": design_mm(design)} | design_sheet(design, motor)
-
-
-def design_mm(design: np.ndarray) -> list[list[float]]:
-    """Shape (n, 7) in m -> nested lists in mm."""
-    values: list[list[float]] = (design / MILLIMETRE).tolist()
-    return values

@@ -12,6 +12,7 @@ from sqlalchemy import Engine, Row, String, and_, cast, func, select
 from sqlalchemy.orm import Session
 
 from services.codesign.comparison import OWN
+from services.jobs.resolved import SHARED
 from services.jobs.views import UNITS, iso_time
 from shared.contracts import results as wire
 from shared.db.engine import reading
@@ -116,8 +117,9 @@ def _total(row: Row[Any], figures: _Figures, tasks: int) -> int:
     counted = figures.by_stage
     if ApplicationState(row.state).final:
         return counted.total()
-    motions = counted[Stage.MOTIONS] or tasks * len(row.methods)
-    return tasks + (counted[Stage.RECONCILE] or 1) + motions
+    motions = counted[Stage.MOTIONS] or tasks * len([method for method in row.methods if method != SHARED])
+    shared = (1 + (counted[Stage.SHARED_MOTIONS] or tasks)) * (SHARED in row.methods)
+    return tasks + (counted[Stage.RECONCILE] or 1) + motions + shared
 
 
 def _best(row: Row[Any], figures: _Figures) -> wire.TotalResult | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from services.jobs.resolved import ResolvedApplication
+from services.jobs.resolved import SHARED, ResolvedApplication
 from shared.domain import NO_METHOD, NO_TASK, ApplicationState, Stage
 
 
@@ -54,7 +54,13 @@ def plan_first(application: ResolvedApplication) -> NextStage:
 
 def plan_next(application: ResolvedApplication, progress: Progress) -> NextStage | Done:
     """Jobs of the stage after `progress.finished`, or the application's final state."""
-    after = {Stage.CODESIGN: _after_codesign, Stage.RECONCILE: _after_reconcile, Stage.MOTIONS: _after_motions}
+    after = {
+        Stage.CODESIGN: _after_codesign,
+        Stage.RECONCILE: _after_reconcile,
+        Stage.MOTIONS: _after_motions,
+        Stage.SHARED_OPTIMUM: _after_shared_optimum,
+        Stage.SHARED_MOTIONS: _end,
+    }
     return after[progress.finished](application, progress)
 
 
@@ -66,14 +72,28 @@ def _after_codesign(_application: ResolvedApplication, progress: Progress) -> Ne
 
 def _after_reconcile(application: ResolvedApplication, progress: Progress) -> NextStage | Done:
     """Motions of the tasks that can be solved at all; a task without a co-design is left out, and said to be."""
-    if application.method not in progress.designs:
+    if application.method not in progress.designs and application.method != SHARED:
         return Done(ApplicationState.FAILED, f"method {application.method} gave no design")
-    methods = [method for method in application.methods if method in progress.designs]
+    methods = [method for method in application.base_methods if method in progress.designs]
     jobs = (JobSpec(Stage.MOTIONS, method, task) for method in methods for task in progress.solved_tasks)
     return NextStage(Stage.MOTIONS, tuple(jobs))
 
 
-def _after_motions(application: ResolvedApplication, progress: Progress) -> Done:
+def _after_motions(application: ResolvedApplication, progress: Progress) -> NextStage | Done:
+    """The shared optimum starts from the best of the other methods."""
+    if SHARED in application.methods:
+        return NextStage(Stage.SHARED_OPTIMUM, (JobSpec(Stage.SHARED_OPTIMUM, SHARED),))
+    return _end(application, progress)
+
+
+def _after_shared_optimum(application: ResolvedApplication, progress: Progress) -> NextStage | Done:
+    if SHARED not in progress.designs:
+        return _end(application, progress)
+    jobs = (JobSpec(Stage.SHARED_MOTIONS, SHARED, task) for task in progress.solved_tasks)
+    return NextStage(Stage.SHARED_MOTIONS, tuple(jobs))
+
+
+def _end(application: ResolvedApplication, progress: Progress) -> Done:
     if not progress.motions:
         return Done(ApplicationState.FAILED, f"no task could be solved with the design of method {application.method}")
     missing = [method for method in application.methods if method not in progress.designs]
@@ -85,7 +105,10 @@ def _after_motions(application: ResolvedApplication, progress: Progress) -> Done
 def planned_jobs(application: ResolvedApplication) -> dict[Stage, int]:
     """How many jobs each stage has when nothing fails, for progress displays."""
     n = len(application.tasks)
-    return {Stage.CODESIGN: n, Stage.RECONCILE: 1, Stage.MOTIONS: n * len(application.methods)}
+    stages = {Stage.CODESIGN: n, Stage.RECONCILE: 1, Stage.MOTIONS: n * len(application.base_methods)}
+    if SHARED in application.methods:
+        stages |= {Stage.SHARED_OPTIMUM: 1, Stage.SHARED_MOTIONS: n}
+    return stages
 
 
 def _what_is_missing(failures: int, methods: Sequence[str]) -> str:

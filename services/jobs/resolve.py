@@ -11,8 +11,15 @@ import numpy as np
 from services.codesign.feasible_motor import motor_obstacle
 from services.codesign.motor_data import MotorData, MotorDataError
 from services.codesign.robot import Robot, RobotError, preset_names, preset_wire
-from services.jobs.resolved import ResolvedApplication, ResolvedTask
-from shared.contracts.application import ApplicationRequest, GridRequest, MotorRequest, ObjectiveRequest, TaskRequest
+from services.jobs.resolved import SHARED, ResolvedApplication, ResolvedTask
+from shared.contracts.application import (
+    ApplicationRequest,
+    GridRequest,
+    MethodName,
+    MotorRequest,
+    ObjectiveRequest,
+    TaskRequest,
+)
 from shared.contracts.errors import FieldError, InvalidInputError
 
 RobotLookup = Callable[[str], Mapping[str, Any] | None]
@@ -58,7 +65,7 @@ def resolve(request: ApplicationRequest, find_robot: RobotLookup, max_tasks: int
         grid=grid,
         motor=request.motor,
         transcription=request.transcription.filled_in(),
-        methods=request.methods,
+        methods=_methods(request),
         empirical_task=chosen["empirical"],
         worst_case_task=chosen["worst_case"],
     )
@@ -189,6 +196,12 @@ def _durations(request: ApplicationRequest, located: list[Located]) -> Iterator[
     for field, task in located:
         if task.duration_s is None:
             yield FieldError(f"{field}.duration_s", None, limit)
+
+
+def _methods(request: ApplicationRequest) -> list[MethodName]:
+    """The shared optimum starts from the two-step design, so that is always compared with it."""
+    methods = request.methods
+    return [*methods, "two_step"] if SHARED in methods and "two_step" not in methods else methods
 
 
 def _chosen_tasks(

@@ -21,6 +21,8 @@ from shared.contracts.application import (
     TranscriptionRequest,
 )
 
+SHARED: MethodName = "shared_optimum"
+
 
 class ResolvedTask(TaskRequest):
     """A task with a name."""
@@ -50,6 +52,11 @@ class ResolvedApplication(Strict):
     def method(self) -> MethodName:
         """The method whose design is the application's."""
         return self.methods[0]
+
+    @property
+    def base_methods(self) -> list[MethodName]:
+        """Methods whose design comes from the tasks' own designs alone."""
+        return [method for method in self.methods if method != SHARED]
 
     def design_task(self, method: MethodName) -> int | None:
         """The task whose own design a method takes; None for methods that use all tasks."""

@@ -12,10 +12,10 @@ from services.codesign.comparison import OWN, compare
 from services.codesign.motor_data import DIMENSIONS
 from services.codesign.voltage_law import VoltageLaw
 from services.jobs.arrays import POINT, unpack, unpack_law, unpack_motion
+from services.jobs.design_wire import design_mm
 from services.jobs.resolved import ResolvedApplication
-from services.jobs.store import results_of
+from services.jobs.store import MOTION_STAGES, results_of
 from services.jobs.views import NotFoundError, load, objective_unit
-from services.jobs.work import MILLIMETRE
 from shared.contracts import results as wire
 from shared.db.engine import reading
 from shared.db.tables import Application, Design, Result
@@ -83,7 +83,7 @@ def comparison(engine: Engine, application_id: str) -> wire.ComparisonAnswer:
     with reading(engine) as session:
         application, resolved = load(session, application_id)
         found = {OWN: _solved(results_of(session, application, Stage.CODESIGN))}
-        motions = results_of(session, application, Stage.MOTIONS)
+        motions = results_of(session, application, *MOTION_STAGES)
         shared = _shared_designs(session, application)
     found |= {method: _solved([r for r in motions if r.method == method]) for method in resolved.methods}
     present = {name: results for name, results in found.items() if results}
@@ -163,7 +163,7 @@ def _result(session: Session, application: Application, task: int, method: str) 
         select(Result).where(
             Result.application_id == application.id,
             Result.generation == application.generation,
-            Result.stage == (Stage.CODESIGN if method == OWN else Stage.MOTIONS),
+            Result.stage.in_([Stage.CODESIGN] if method == OWN else MOTION_STAGES),
             Result.method == ("" if method == OWN else method),
             Result.task_index == task,
         )
@@ -193,7 +193,7 @@ def trajectory(engine: Engine, application_id: str, task: int, method: str | Non
         voltage_d_V=motion.voltage_d.tolist(),
         voltage_q_V=motion.voltage_q.tolist(),
         control=_control(unpack_law(found.arrays)),
-        design_mm=(design / MILLIMETRE).tolist(),
+        design_mm=design_mm(design),
         scheme=found.summary["certificate"]["scheme"],
         degree=found.summary["certificate"]["degree"],
     )

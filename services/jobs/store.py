@@ -19,6 +19,9 @@ from shared.db.tables import Application, Design, Event, Job, JobTransition, Out
 from shared.domain import TRANSITIONS, ApplicationState, JobState, new_id
 from shared.domain import Stage as StageName
 
+MOTION_STAGES = (StageName.MOTIONS, StageName.SHARED_MOTIONS)
+"""Stages whose jobs solve a task with a design given."""
+
 MOST_EVENTS = 5000
 """Events kept of one application."""
 PRUNE_EVERY = 500
@@ -164,19 +167,19 @@ def progress_of(
         finished=finished,
         solved_tasks=tuple(sorted(row.task_index for row in succeeded if row.stage == StageName.CODESIGN)),
         designs=frozenset(kinds),
-        motions=sum(row.stage == StageName.MOTIONS and row.method == resolved.method for row in succeeded),
+        motions=sum(row.stage in MOTION_STAGES and row.method == resolved.method for row in succeeded),
         failures=sum(row.state in (JobState.FAILED, JobState.DEAD) for row in rows),
     )
 
 
-def results_of(session: Session, application: Application, stage: StageName) -> list[Result]:
-    """Results of a stage in the current generation, by task, without their arrays."""
+def results_of(session: Session, application: Application, *stages: StageName) -> list[Result]:
+    """Results of some stages in the current generation, by task, without their arrays."""
     statement = (
         select(Result)
         .where(
             Result.application_id == application.id,
             Result.generation == application.generation,
-            Result.stage == stage,
+            Result.stage.in_(stages),
         )
         .order_by(Result.task_index)
         .options(defer(Result.arrays), defer(Result.log))

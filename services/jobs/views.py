@@ -10,7 +10,7 @@ from sqlalchemy import Engine, func, select
 from sqlalchemy.orm import Session
 
 from services.jobs.plan import planned_jobs
-from services.jobs.resolved import ResolvedApplication
+from services.jobs.resolved import SHARED, ResolvedApplication
 from shared.contracts import results as wire
 from shared.db.clock import now
 from shared.db.engine import reading
@@ -113,7 +113,10 @@ def _task(
 ) -> wire.TaskResult:
     asked = resolved.tasks[index]
     own = summaries.get((index, Stage.CODESIGN, ""), {})
-    motions = {method: summaries.get((index, Stage.MOTIONS, method), {}) for method in resolved.methods}
+    motions = {
+        method: summaries.get((index, Stage.SHARED_MOTIONS if method == SHARED else Stage.MOTIONS, method), {})
+        for method in resolved.methods
+    }
     reasons = [job.reason for job in sorted(jobs, key=lambda job: str(job.stage)) if job.reason]
     return wire.TaskResult(
         index=index,

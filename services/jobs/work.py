@@ -6,17 +6,32 @@ from dataclasses import dataclass
 
 import numpy as np
 from sqlalchemy import Engine, select
+from sqlalchemy.orm import Session
 
+from services.codesign.motion import Motion
+from services.codesign.shared_optimum import SharedStart
 from services.codesign.solve import References
+from services.jobs.arrays import unpack_motion
 from services.jobs.claim import Claim
+from services.jobs.design_wire import design_array
 from services.jobs.plan import JobSpec
 from services.jobs.resolved import ResolvedApplication
-from services.jobs.store import results_of
+from services.jobs.store import MOTION_STAGES, results_of
+from shared.contracts.application import MethodName
 from shared.db.engine import reading
 from shared.db.tables import Application, Design, Result
 from shared.domain import Stage
 
-MILLIMETRE = 1e-3
+
+@dataclass(frozen=True)
+class SharedInputs:
+    """The tasks whose own co-design succeeded, and the best design known for them."""
+
+    tasks: list[int]
+    references: dict[int, References]  # of a weighted objective
+    method: str  # whose design is the best
+    total: float  # weighted sum of its objectives
+    start: SharedStart
 
 
 @dataclass(frozen=True)
@@ -28,6 +43,7 @@ class Work:
     own_designs: dict[int, np.ndarray]  # reconcile: each solved task's design, (n, 7) m
     design: np.ndarray | None = None  # motions: the design given, (n, 7) m
     references: References | None = None  # motions of a weighted objective: those of the task's own solve
+    shared: SharedInputs | None = None  # shared optimum: the tasks in it, and where it starts
 
 
 def load_work(engine: Engine, held: Claim) -> Work | None:
@@ -41,7 +57,9 @@ def load_work(engine: Engine, held: Claim) -> Work | None:
         if held.spec.stage == Stage.RECONCILE:
             results = results_of(session, application, Stage.CODESIGN)
             own = {r.task_index: design_array(r.summary["design_mm"]) for r in results if r.summary.get("design_mm")}
-        if held.spec.stage != Stage.MOTIONS:
+        if held.spec.stage == Stage.SHARED_OPTIMUM:
+            return Work(held.spec, resolved, own, shared=_shared_inputs(session, application, resolved))
+        if held.spec.stage not in MOTION_STAGES:
             return Work(held.spec, resolved, own)
         design = session.get_one(Design, (application.id, application.generation, held.spec.method))
         mine = session.scalars(
@@ -61,11 +79,34 @@ def load_work(engine: Engine, held: Claim) -> Work | None:
         )
 
 
-def design_array(design_mm: list[list[float]]) -> np.ndarray:
-    """Design in mm, as stored -> shape (n, 7) in m."""
-    return np.array(design_mm) * MILLIMETRE
-
-
 def _references(own: Result | None) -> References | None:
     found = None if own is None else own.summary.get("references")
     return None if found is None else References(found["time_s"], found["energy_V2s"])
+
+
+def _shared_inputs(session: Session, application: Application, resolved: ResolvedApplication) -> SharedInputs | None:
+    """Start from the method that solved most tasks, and among those from the one with the least total."""
+    own = {r.task_index: r for r in results_of(session, application, Stage.CODESIGN) if "objective" in r.summary}
+    motions = results_of(session, application, Stage.MOTIONS)
+    found: list[tuple[int, float, MethodName, dict[int, Result]]] = []
+    for method in resolved.base_methods:
+        solved = {r.task_index: r for r in motions if r.method == method and "objective" in r.summary}
+        total = sum(resolved.tasks[k].weight * r.summary["objective"] for k, r in solved.items())
+        found.append((-len(solved), total, method, solved))
+    _, total, method, solved = min(found, key=lambda entry: entry[:2])
+    stored = session.get(Design, (application.id, application.generation, method))
+    if stored is None:
+        return None
+    tasks = sorted(own)
+    return SharedInputs(
+        tasks=tasks,
+        references={k: known for k in tasks if (known := _references(own[k])) is not None},
+        method=method,
+        total=total if len(solved) == len(tasks) else float("inf"),
+        start=SharedStart(design_array(stored.content["design_mm"]), [_motion(solved.get(k, own[k])) for k in tasks]),
+    )
+
+
+def _motion(result: Result) -> Motion:
+    assert result.arrays is not None, "a solved task has its motion"
+    return unpack_motion(result.arrays)[0]

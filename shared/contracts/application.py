@@ -186,7 +186,7 @@ TaskChoice = Annotated[
     Annotated[int, Tag("task index")] | Annotated[Name, Tag("task name")],
     _one_of(_choice_form, "a task's index or name"),
 ]
-MethodName = Literal["two_step", "empirical", "worst_case"]
+MethodName = Literal["two_step", "shared_optimum", "empirical", "worst_case"]
 
 
 class ApplicationRequest(Strict):

@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field
 
 from shared.contracts.application import GridRequest, MethodName, ObjectiveRequest
 
-Source = Literal["own", "two_step", "empirical", "worst_case"]
+Source = Literal["own", "two_step", "shared_optimum", "empirical", "worst_case"]
 """Where a motion comes from: the task's own co-design, or a method's design."""
 
 
@@ -278,6 +278,10 @@ class SharedDesign(BaseModel):
     design_mm: list[list[float]]
     task: int | None = Field(None, description="the task whose own design it is")
     tasks: list[int] | None = Field(None, description="tasks in the mean")
+    start: str | None = Field(None, description="shared_optimum: the method whose design it started from")
+    convergence: list[list[float]] | None = Field(
+        None, description="shared_optimum: [iteration, sum of the tasks' objectives] along the solve"
+    )
     distance: float | None = Field(None, description="Problem 2: sum of squared relative differences to the mean")
 
 

@@ -84,3 +84,28 @@ def test_an_application_without_a_result_fails(application: ResolvedApplication,
 
 def test_all_well_is_success(application: ResolvedApplication) -> None:
     assert plan_next(application, after(Stage.MOTIONS)) == Done(ApplicationState.SUCCEEDED)
+
+
+def test_the_shared_optimum_follows_the_motions_it_starts_from() -> None:
+    request = ApplicationRequest(**grid(method="shared_optimum", compare=["empirical"]))
+    application = resolve(request, lambda _: None, max_tasks=100)
+    assert application.methods == ["shared_optimum", "empirical", "two_step"]
+    designs = frozenset({"mean", "two_step", "empirical"})
+    motions = plan_next(application, after(Stage.RECONCILE, designs=designs))
+    assert isinstance(motions, NextStage)
+    assert {job.method for job in motions.jobs} == {"two_step", "empirical"}
+    shared = plan_next(application, after(Stage.MOTIONS, designs=designs, motions=0))
+    assert shared == NextStage(Stage.SHARED_OPTIMUM, (JobSpec(Stage.SHARED_OPTIMUM, "shared_optimum"),))
+    again = plan_next(application, after(Stage.SHARED_OPTIMUM, designs=designs | {"shared_optimum"}, motions=0))
+    assert isinstance(again, NextStage)
+    assert {(job.stage, job.method) for job in again.jobs} == {(Stage.SHARED_MOTIONS, "shared_optimum")}
+    done = plan_next(application, after(Stage.SHARED_MOTIONS, designs=designs | {"shared_optimum"}))
+    assert done == Done(ApplicationState.SUCCEEDED)
+    assert sum(planned_jobs(application).values()) == 4 + 1 + 8 + 1 + 4
+
+
+def test_without_a_shared_design_the_application_ends_and_says_so() -> None:
+    request = ApplicationRequest(**grid(compare=["shared_optimum"]))
+    application = resolve(request, lambda _: None, max_tasks=100)
+    done = plan_next(application, after(Stage.SHARED_OPTIMUM, designs=frozenset({"two_step"}), failures=1))
+    assert done == Done(ApplicationState.COMPLETED_WITH_FAILURES, "1 solve failed; method shared_optimum has no design")

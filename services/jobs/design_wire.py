@@ -1,0 +1,28 @@
+"""Designs as they are stored and sent: lengths in mm, and the sheet of each motor."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from services.codesign.design_sheet import design_sheet
+from services.codesign.motor_data import MotorData
+
+MILLIMETRE = 1e-3
+
+
+def design_wire(design: np.ndarray, motor: MotorData) -> dict[str, Any]:
+    """Shape (n, 7) in m -> ``{design_mm, motors}``."""
+    return {"design_mm": design_mm(design)} | design_sheet(design, motor)
+
+
+def design_mm(design: np.ndarray) -> list[list[float]]:
+    """Shape (n, 7) in m -> nested lists in mm."""
+    values: list[list[float]] = (design / MILLIMETRE).tolist()
+    return values
+
+
+def design_array(design_mm: list[list[float]]) -> np.ndarray:
+    """Inverse of `design_mm`."""
+    return np.array(design_mm) * MILLIMETRE

@@ -1,0 +1,49 @@
+"""The job that finds the best single design for all tasks, and never hands on one that is worse than it found."""
+
+from __future__ import annotations
+
+from services.codesign.problem import Problem
+from services.codesign.shared_optimum import SharedOptimum, solve_shared
+from services.codesign.solve import with_references
+from services.codesign.solver import STOPPED, Progress, SolverOptions
+from services.jobs.certificates import finite
+from services.jobs.design_wire import design_wire
+from services.jobs.finish import Outcome
+from services.jobs.resolved import SHARED
+from services.jobs.work import SharedInputs, Work
+from shared.domain import JobState
+
+MOST_CONVERGENCE_POINTS = 1000
+
+
+def find_shared_optimum(work: Work, options: SolverOptions, progress: Progress) -> Outcome:
+    """Solve Problem 1 from the best design known; where that is not improved upon, it stays."""
+    inputs, motor = work.shared, work.application.build_motor()
+    if inputs is None:
+        return Outcome(JobState.FAILED, "there is no design to start from")
+    weights = [work.application.tasks[k].weight for k in inputs.tasks]
+    problems = [_problem(work, inputs, k) for k in inputs.tasks]
+    found = solve_shared(problems, weights, inputs.start, options, progress)
+    if found.status == STOPPED:
+        return Outcome(JobState.CANCELLED, summary=_how(found))
+    better = found.design is not None and found.objective < inputs.total
+    design = found.design if better and found.design is not None else inputs.start.design
+    content = design_wire(design, motor) | {
+        "start": inputs.method,
+        "solver_status": found.status,
+        "convergence": [list(point) for point in found.convergence[-MOST_CONVERGENCE_POINTS:]],
+        "kkt_residual": finite(found.optimality.kkt_residual),
+        "constraint_violation": finite(found.optimality.constraint_violation),
+    }
+    kept = None if better else f"not improved upon ({found.status}): the design of {inputs.method} stays"
+    log = [(0, iteration, objective) for iteration, objective in found.convergence]
+    return Outcome(JobState.SUCCEEDED, kept, summary=_how(found), log=log, designs={SHARED: content})
+
+
+def _problem(work: Work, inputs: SharedInputs, task: int) -> Problem:
+    problem = work.application.build_problem(task)
+    return with_references(problem, inputs.references[task]) if task in inputs.references else problem
+
+
+def _how(found: SharedOptimum) -> dict[str, object]:
+    return {"solver_status": found.status, "iterations": found.iterations, "solve_time_s": found.solve_time}
