@@ -41,7 +41,7 @@ def test_the_papers_examples_are_the_papers(name: str) -> None:
 def test_names_in_references_are_those_of_the_application() -> None:
     """A reference whose tasks have other names would be compared with nothing, in silence."""
     beside = [(path, reference) for path in EXAMPLES if (reference := reference_beside(path)) is not None]
-    assert len(beside) == len(list(EXAMPLES[0].parent.glob(f"*{SUFFIX}"))) == 2
+    assert len(beside) == len(list(EXAMPLES[0].parent.glob(f"*{SUFFIX}"))) == 3
     for path, reference in beside:
         application = resolved(path)
         assert set(reference.tasks) <= {task.name for task in application.tasks}
