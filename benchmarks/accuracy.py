@@ -86,7 +86,17 @@ def name(transcription: Transcription) -> str:
     return f"{transcription.scheme} {transcription.degree}, {transcription.intervals}, {transcription.control}"
 
 
-def compare(transcriptions: Iterable[Transcription]) -> list[Run]:
+@dataclass(frozen=True)
+class Row:
+    """A transcription over the tasks."""
+
+    transcription: Transcription
+    seconds: float  # all tasks, certificates included
+    position: float  # rad, worst
+    excess: float  # share of a limit, worst
+
+
+def compare(transcriptions: Iterable[Transcription]) -> list[Row]:
     """Print a row for each transcription: the worst over the tasks, time added up."""
     print(
         "| transcription | variables | t_f s, 3 tasks | replay rad | rad/s | over a limit between points | s, 3 tasks |"
@@ -97,12 +107,12 @@ def compare(transcriptions: Iterable[Transcription]) -> list[Run]:
         size = load_program(UR5, transcription.layout(6), transcription.intervals).variables
         runs = [run(problem(*task, transcription)) for task in TASKS]
         solved = [r for r in runs if r is not None]
-        found += solved
         times = ", ".join("-" if r is None else f"{r.objective:.4f}" for r in runs)
         position, speed, excess = worst(r.certificate for r in solved)
         seconds = sum(r.solve_seconds + r.certify_seconds for r in solved)
         cells = [name(transcription), str(size), times, f"{position:.1e}", f"{speed:.1e}", f"{excess:.2%}"]
         print_row(*cells, f"{seconds:.2f}")
+        found.append(Row(transcription, seconds, position, excess))
     return found
 
 
@@ -162,29 +172,30 @@ def print_row(*cells: str) -> None:
     print("| " + " | ".join(cells) + " |", flush=True)
 
 
-def plot(runs: list[Run], path: Path) -> None:
-    """Replay error and excess over limits against the time of a solve."""
+def plot(rows: list[Row], path: Path) -> None:
+    """Replay error and excess over limits against time; a line for each kind, a point for each number of intervals."""
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot, ticker
 
     figure, panels = pyplot.subplots(1, 2, figsize=(9, 3.8), sharex=True, layout="constrained")
-    kinds = sorted({(r.transcription.scheme, r.transcription.degree, r.transcription.control) for r in runs})
+    kinds = dict.fromkeys((r.transcription.scheme, r.transcription.degree, r.transcription.control) for r in rows)
     for kind in kinds:
-        mine = [r for r in runs if (r.transcription.scheme, r.transcription.degree, r.transcription.control) == kind]
-        style = "o" if kind[2] == "current" else "s"
-        seconds = [r.solve_seconds + r.certify_seconds for r in mine]
-        label = f"{kind[0]} {kind[1]}, {kind[2]}"
-        panels[0].loglog(seconds, [r.certificate.replay_position for r in mine], style, label=label, markersize=5)
-        excess = [max(r.certificate.limit_violation, 1e-7) for r in mine]
-        panels[1].loglog(seconds, excess, style, markersize=5)
+        mine = [r for r in rows if (r.transcription.scheme, r.transcription.degree, r.transcription.control) == kind]
+        style = "o-" if kind[2] == "current" else "s-"
+        seconds = [r.seconds for r in mine]
+        panels[0].loglog(seconds, [r.position for r in mine], style, label=" ".join(map(str, kind)), markersize=5)
+        panels[1].loglog(seconds, [max(r.excess, 1e-6) for r in mine], style, markersize=5)
+        for axes, values in zip(panels, ([r.position for r in mine], [max(r.excess, 1e-6) for r in mine]), strict=True):
+            for row, value in zip(mine, values, strict=True):
+                axes.annotate(f" {row.transcription.intervals}", (row.seconds, value), fontsize=6)
     panels[0].axhline(Accuracy().position, color="grey", linewidth=0.8)
     panels[1].axhline(Accuracy().limit, color="grey", linewidth=0.8)
     panels[0].set_ylabel("replay error at t_f [rad]")
-    panels[1].set_ylabel("excess over a limit, share")
+    panels[1].set_ylabel("excess over a limit, share (1e-6: none)")
     for axes in panels:
-        axes.set_xlabel("solve and certify [s]")
+        axes.set_xlabel("three solves and certificates [s]")
         axes.grid(alpha=0.3)
         axes.xaxis.set_minor_formatter(ticker.NullFormatter())
         axes.xaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
@@ -199,9 +210,9 @@ def main() -> None:
     parser.add_argument("--only", choices=("compare", "grid"))
     options = parser.parse_args()
     if options.only != "grid":
-        runs = compare(COMPARED)
+        rows = compare(COMPARED)
         if options.plot is not None:
-            plot(runs, options.plot)
+            plot(rows, options.plot)
     if options.only != "compare":
         grid()
 
