@@ -1,0 +1,105 @@
+"""The shared optimum through the jobs: it starts from the best design there is, and is never worse than that."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from sqlalchemy import Engine, select
+
+from services.codesign.optimality import Optimality
+from services.codesign.shared_optimum import SharedOptimum
+from services.codesign.solver import SolverOptions
+from services.jobs import find_shared_optimum, results
+from services.jobs.claim import claim
+from services.jobs.execute import execute
+from services.jobs.finish import finish
+from services.jobs.submit import submit
+from services.jobs.work import Work, load_work
+from shared.contracts.application import ApplicationRequest
+from shared.db.engine import reading
+from shared.db.tables import Application, Job
+from shared.domain import ApplicationState, JobState
+from shared.settings import Settings
+from tests.service.requests import HOME
+
+QUICK = {"scheme": "radau", "degree": 1, "intervals": 10, "control": "voltage"}
+
+
+@pytest.fixture
+def database_url(tmp_path: Any) -> str:
+    """SQLite alone: what is tested here is not the database."""
+    return f"sqlite:///{tmp_path / 'armature.db'}"
+
+
+def request(**changes: Any) -> ApplicationRequest:
+    """Two unlike tasks; the heavy one counts double."""
+    tasks = [
+        {"name": "short", "start_rad": [0.2] * 6, "end_rad": HOME, "payload_kg": 4.0, "weight": 2.0},
+        {"name": "long", "start_rad": [1.0] * 6, "end_rad": HOME},
+    ]
+    chosen = {"empirical_task": "short", "worst_case_task": "long"}
+    body = {"name": "two", "tasks": tasks, "transcription": QUICK, "compare": ["empirical", "worst_case"], **chosen}
+    return ApplicationRequest(**{**body, "method": "shared_optimum", **changes})
+
+
+def run(engine: Engine, stop: Any = None) -> list[Work]:
+    """Execute whatever is queued until nothing is; returns the work of the shared optimum."""
+    shared = []
+    while True:
+        with reading(engine) as session:
+            ids = list(session.scalars(select(Job.id).where(Job.state == JobState.QUEUED)))
+        if not ids:
+            return shared
+        for job_id in ids:
+            held = claim(engine, job_id, "worker", 60.0)
+            assert held is not None
+            work = load_work(engine, held)
+            assert work is not None
+            shared += [work] if work.shared is not None else []
+            assert finish(engine, held, execute(work, SolverOptions(), stop or (lambda _: False)))
+
+
+def test_it_beats_every_other_method(engine: Engine, settings: Settings) -> None:
+    application_id, _ = submit(engine, settings, request())
+    (work,) = run(engine)
+    with reading(engine) as session:
+        assert session.get_one(Application, application_id).state == ApplicationState.SUCCEEDED
+    compared = results.comparison(engine, application_id)
+    assert set(compared.methods) == {"own", "shared_optimum", "two_step", "empirical", "worst_case"}
+
+    def weighted(method: str) -> float:
+        short, long = (task["objective"] for task in compared.methods[method].per_task)
+        return 2.0 * short + long
+
+    others = {name: weighted(name) for name in ("two_step", "empirical", "worst_case")}
+    assert weighted("own") < weighted("shared_optimum") <= min(others.values()) * (1 + 1e-6)
+    assert work.shared is not None
+    assert work.shared.method == min(others, key=lambda name: others[name])
+    assert work.shared.total == pytest.approx(min(others.values()))
+    stored = results.designs(engine, application_id).methods["shared_optimum"]
+    assert stored.start == work.shared.method
+    assert stored.convergence is not None
+    # Each task solved again with that design is no worse; a task may even find a better local optimum.
+    assert weighted("shared_optimum") <= stored.convergence[-1][1] * (1 + 1e-4)
+
+
+@pytest.mark.parametrize("status", ["Infeasible_Problem_Detected", "Solve_Succeeded"])
+def test_a_solve_that_fails_or_ends_worse_leaves_the_best_design(
+    engine: Engine, settings: Settings, monkeypatch: pytest.MonkeyPatch, status: str
+) -> None:
+    def worse(*arguments: Any) -> SharedOptimum:
+        start = arguments[2]
+        design = start.design * 1.01 if status == "Solve_Succeeded" else None
+        return SharedOptimum(design is not None, status, design, 1e9, 5, 0.1, Optimality(1.0, 1.0), ((0, 1e9),))
+
+    monkeypatch.setattr(find_shared_optimum, "solve_shared", worse)
+    application_id, _ = submit(engine, settings, request())
+    (work,) = run(engine)
+    assert work.shared is not None
+    with reading(engine) as session:
+        assert session.get_one(Application, application_id).state == ApplicationState.SUCCEEDED
+    kept = np.array(results.design(engine, application_id, "shared_optimum").design_mm)
+    best = np.array(results.design(engine, application_id, work.shared.method).design_mm)
+    np.testing.assert_allclose(kept, best, rtol=1e-12)
