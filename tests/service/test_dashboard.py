@@ -147,3 +147,15 @@ def test_what_the_first_pages_import_is_fetched_at_once() -> None:
     expected = {f"/dashboard/js/{module.relative_to(scripts)}" for module in found} - {"/dashboard/js/main.js"}
     page = (STATIC / "index.html").read_text(encoding="utf-8")
     assert set(re.findall(r'rel="modulepreload" href="([^"]+)"', page)) == expected
+
+
+def test_no_script_reads_text_as_markup() -> None:
+    """Elements are made by `dom.js`, which sets text as text; the page has no script or style of its own."""
+    for script in (STATIC / "js").rglob("*.js"):
+        assert not re.search(
+            r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(|new Function|srcdoc|DOMParser",
+            script.read_text(encoding="utf-8"),
+        ), script
+    page = (STATIC / "index.html").read_text(encoding="utf-8")
+    assert not re.search(r"<style|\sstyle=|\son\w+=|<script>", page)
+    assert not re.search(r"https?://", page)

@@ -32,9 +32,9 @@ def test_accessible_in_light_and_dark_and_on_a_phone(page: Page, finished: str, 
     """axe-core finds nothing serious; on a phone nothing sticks out of the page."""
     page.goto(PAGES[name].format(id=finished))
     expect(page.get_by_role("heading", level=1)).to_be_visible()
-    for scheme in ("light", "dark"):
+    for scheme, rules in (("light", {}), ("dark", {"runOnly": ["color-contrast"]})):
         page.emulate_media(color_scheme=scheme)
-        found = Axe().run(page).response["violations"]
+        found = Axe().run(page, options=rules).response["violations"]
         assert [
             (rule["id"], node["target"], node.get("failureSummary"))
             for rule in found

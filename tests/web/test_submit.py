@@ -95,17 +95,24 @@ def test_the_form_goes_on_as_yaml(page: Page) -> None:
     assert "    stroke: [0.2, 0.4, 0.6, 0.8, 1]\n" in text
 
 
-def test_cancel(page: Page, http: httpx.Client) -> None:
-    """A long one is cancelled from its page."""
-    strokes = [round(0.1 + 0.02 * k, 2) for k in range(30)]
-    application = submit(
-        http,
-        name="long one",
-        tasks={"grid": {"stroke": strokes, "payload_kg": [0, 1, 2]}},
-        transcription={**QUICK, "intervals": 150},
-    )
+def test_cancel_and_retry(page: Page, http: httpx.Client) -> None:
+    """A long one is cancelled from its page, begun again, and cancelled again."""
+    application = submit_long(http)
     page.goto(f"/#/applications/{application}")
+    state = page.locator(".head .state")
     page.get_by_role("button", name="Cancel").click()
-    expect(page.locator(".head .state")).to_contain_text("cancelled")
-    expect(page.get_by_role("button", name="Retry failed")).to_be_visible()
-    http.delete(f"/v1/applications/{application}")
+    expect(state).to_contain_text("cancelled")
+    page.get_by_role("button", name="Retry failed").click()
+    expect(state).to_contain_text(re.compile("queued|running"))
+    page.get_by_role("button", name="Cancel").click()
+    expect(state).to_contain_text("cancelled")
+    page.get_by_role("button", name="Delete").click()
+    page.get_by_role("dialog").get_by_role("button", name="Delete it").click()
+    expect(page.get_by_role("heading", level=1)).to_have_text("Applications")
+    assert http.get(f"/v1/applications/{application}").status_code == 404
+
+
+def submit_long(http: httpx.Client) -> str:
+    """More tasks than a test waits for."""
+    strokes = [round(0.1 + 0.02 * k, 2) for k in range(40)]
+    return submit(http, name="long one", tasks={"grid": {"stroke": strokes, "payload_kg": [0, 1, 2]}}, compare=[])

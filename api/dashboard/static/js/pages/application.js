@@ -76,7 +76,7 @@ export async function show(at, signal) {
     if (isFinal(status.state)) iterations.clear();
     else watch();
   }
-  const refreshSoon = soon(refresh, REFRESH_MS);
+  const refreshSoon = soon(refresh, Math.max(REFRESH_MS, overview.tasks.length)); // 2,000 tasks: every 2 s
 
   function react(kind, content) {
     if (kind === "iteration") {

@@ -2,13 +2,14 @@
 
 import { get, getIfThere, ofApplication } from "../api.js";
 import { h, replace, s } from "../dom.js";
-import { fixed, methodName, moment, quantity, signed } from "../format.js";
+import { count, fixed, methodName, moment, quantity, signed } from "../format.js";
 import { across, along } from "../motor/drawing.js";
 import { motorSection } from "../motor/section.js";
 import { DIMENSION_NAMES, DIMENSIONS } from "../names.js";
 import { objectiveText } from "../parts/head.js";
 import { stateBadge } from "../parts/state.js";
 import { symbol } from "../parts/symbol.js";
+import { reconciled } from "../parts/when-changed.js";
 import { applicationLink, rememberQuery } from "../router.js";
 
 const OFFERED = 200;
@@ -68,7 +69,8 @@ async function load(id, signal) {
   const [status, resolved, comparison] = await Promise.all(
     ["", "/resolved", "/comparison"].map((rest) => get(ofApplication(id, rest), signal)),
   );
-  return { status, resolved, comparison, design: await getIfThere(ofApplication(id, "/design"), signal) };
+  const design = reconciled(status) ? await getIfThere(ofApplication(id, "/design"), signal) : null;
+  return { status, resolved, comparison, design };
 }
 
 function sideBySide([a, b]) {
@@ -117,7 +119,7 @@ function totals(a, b) {
     "section",
     { class: "card" },
     h("h2", {}, "Totals"),
-    counted[0] === counted[1] ? null : h("p", { class: "notice" }, `A is summed over ${counted[0]} tasks, B over ${counted[1]}.`),
+    counted[0] === counted[1] ? null : h("p", { class: "notice" }, `A is summed over ${count(counted[0], "task")}, B over ${counted[1]}.`),
     table(["Design", "Total", "A", "B", "B against A"], rows),
   );
 }

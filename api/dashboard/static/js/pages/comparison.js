@@ -1,26 +1,33 @@
 /** The methods side by side: totals, regret, and where one is better than another. */
 
 import { get, ofApplication } from "../api.js";
-import { h } from "../dom.js";
+import { h, replace } from "../dom.js";
 import { count, methodName, quantity, signed } from "../format.js";
 import { head } from "../parts/head.js";
+import { whenChanged } from "../parts/when-changed.js";
 import { heatKey, heatMap, percentCell, taskLink } from "../plots/heat.js";
 
 export async function show(at, signal) {
   const { id } = at.params;
-  const [status, comparison, overview] = await Promise.all(
-    ["", "/comparison", "/overview"].map((rest) => get(ofApplication(id, rest), signal)),
-  );
-  const others = overview.methods.filter((name) => name !== status.method);
-  const element = h(
-    "div",
-    { class: "page" },
-    head(status, "/comparison").element,
+  const read = (rest) => get(ofApplication(id, rest), signal);
+  const [status, comparison, overview] = await Promise.all(["", "/comparison", "/overview"].map(read));
+  const top = head(status, "/comparison");
+  const body = h("div", { class: "page" }, content(status, comparison, overview));
+  whenChanged(status, signal, async (next) => {
+    top.setState(next.state);
+    const [compared, seen] = await Promise.all(["/comparison", "/overview"].map(read));
+    replace(body, content(next, compared, seen));
+  });
+  return { title: `Comparison of ${status.name}`, element: h("div", { class: "page" }, top.element, body) };
+}
+
+function content(status, comparison, overview) {
+  const others = overview.methods.filter((name) => name !== status.method && name in comparison.methods);
+  return [
     totals(status, comparison, overview),
-    others.length ? improvements(status, overview, others) : null,
-    comparison.tasks_compared.length ? regrets(overview, comparison) : null,
-  );
-  return { title: `Comparison of ${status.name}`, element };
+    others.length && status.method in comparison.methods ? improvements(status, overview, others) : null,
+    Object.keys(comparison.regret).length && comparison.tasks_compared.length ? regrets(overview, comparison) : null,
+  ];
 }
 
 function totals(status, comparison, overview) {

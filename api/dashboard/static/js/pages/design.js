@@ -9,6 +9,7 @@ import { choice } from "../parts/choice.js";
 import { head } from "../parts/head.js";
 import { motorCards } from "../parts/motor-cards.js";
 import { constraintTable, dimensionTable, parameterTable } from "../parts/motor-sheet.js";
+import { reconciled, whenChanged } from "../parts/when-changed.js";
 import { rememberQuery } from "../router.js";
 
 const MATERIALS = [
@@ -21,17 +22,17 @@ const MATERIALS = [
 
 export async function show(at, signal) {
   const { id } = at.params;
-  const [status, resolved] = await Promise.all([
-    get(ofApplication(id), signal),
-    get(ofApplication(id, "/resolved"), signal),
-  ]);
+  const [first, resolved] = await Promise.all(
+    ["", "/resolved"].map((rest) => get(ofApplication(id, rest), signal)),
+  );
+  let status = first;
   const content = h("div", { class: "page" });
   let method = status.methods.includes(at.query.get("method")) ? at.query.get("method") : status.method;
   let motor = Math.max(0, Number(at.query.get("motor") ?? 1) - 1);
 
   async function update() {
     rememberQuery({ method: method === status.method ? null : method, motor: motor > 0 ? motor + 1 : null });
-    const design = await getIfThere(ofApplication(id, `/design?method=${encodeURIComponent(method)}`), signal);
+    const design = !reconciled(status) ? null : await getIfThere(ofApplication(id, `/design?method=${encodeURIComponent(method)}`), signal);
     replace(content, design === null ? h("p", { class: "empty" }, missing(status, method)) : motors(design));
   }
 
@@ -58,10 +59,17 @@ export async function show(at, signal) {
     },
   );
   await update();
+  const top = head(status, "/design");
+  whenChanged(status, signal, async (next) => {
+    const nowThere = !reconciled(status) && reconciled(next);
+    status = next;
+    top.setState(next.state);
+    if (nowThere) await update();
+  });
   const element = h(
     "div",
     { class: "page" },
-    head(status, "/design").element,
+    top.element,
     h("div", { class: "head-line" }, h("h2", {}, "Motors, all to one scale"), status.methods.length > 1 ? switcher : null),
     content,
   );

@@ -1,11 +1,12 @@
 /** Every task's own design, and how the designs for all tasks lie among them. */
 
 import { get, ofApplication } from "../api.js";
-import { h } from "../dom.js";
+import { h, replace } from "../dom.js";
 import { count, fixed, number } from "../format.js";
 import { DIMENSION_NAMES } from "../names.js";
 import { head } from "../parts/head.js";
 import { symbol } from "../parts/symbol.js";
+import { whenChanged } from "../parts/when-changed.js";
 import { boxPlot } from "../plots/boxes.js";
 import { markKey, marksOf } from "../plots/marks.js";
 
@@ -14,7 +15,13 @@ export async function show(at, signal) {
   const [status, designs, resolved] = await Promise.all(
     ["", "/designs", "/resolved"].map((rest) => get(ofApplication(id, rest), signal)),
   );
-  const element = h("div", { class: "page" }, head(status, "/designs").element, content(status, designs, resolved));
+  const top = head(status, "/designs");
+  const body = h("div", { class: "page" }, content(status, designs, resolved));
+  whenChanged(status, signal, async (next) => {
+    top.setState(next.state);
+    replace(body, content(next, await get(ofApplication(id, "/designs"), signal), resolved));
+  });
+  const element = h("div", { class: "page" }, top.element, body);
   return { title: `Designs of ${status.name}`, element };
 }
 

@@ -11,6 +11,7 @@ import { choice } from "../parts/choice.js";
 import { solverLog } from "../parts/solver-log.js";
 import { stateBadge } from "../parts/state.js";
 import { useOfLimits } from "../parts/use-of-limits.js";
+import { whenChanged } from "../parts/when-changed.js";
 import { motionRows, valueAt } from "../plots/motion-rows.js";
 import { panel } from "../plots/panel.js";
 import { applicationLink, rememberQuery } from "../router.js";
@@ -19,27 +20,29 @@ const NARROW = "(max-width: 62rem)";
 
 export async function show(at, signal) {
   const { id, task: index } = at.params;
-  const [status, resolved, task] = await Promise.all(
-    ["", "/resolved", `/tasks/${index}`].map((rest) => get(ofApplication(id, rest), signal)),
-  );
+  const read = (rest) => get(ofApplication(id, rest), signal);
+  const [status, resolved, first] = await Promise.all(["", "/resolved", `/tasks/${index}`].map(read));
+  let task = first;
   const content = h("div", { class: "page" });
   const methods = ["own", ...status.methods];
   let method = at.query.get("method");
   if (!methods.includes(method)) method = task.methods[status.method] ? status.method : "own";
   let leaving = new AbortController();
   signal.addEventListener("abort", () => leaving.abort());
+  const resultOf = (name) => (name === "own" ? task.own : task.methods[name]);
 
   async function update() {
     leaving.abort();
     leaving = new AbortController();
     const mine = leaving.signal;
     rememberQuery({ method });
-    const query = `?method=${encodeURIComponent(method)}`;
-    const [motion, log] = await Promise.all(
-      ["trajectory", "log"].map((what) => getIfThere(ofApplication(id, `/tasks/${index}/${what}${query}`), mine)),
-    );
+    const result = resultOf(method);
+    const asked = (what) => getIfThere(ofApplication(id, `/tasks/${index}/${what}?method=${encodeURIComponent(method)}`), mine);
+    const [motion, log] = await Promise.all([
+      result ? asked("trajectory") : null,
+      result || ["failed", "cancelled"].includes(task.state) ? asked("log") : null,
+    ]);
     if (mine.aborted) return;
-    const result = method === "own" ? task.own : task.methods[method];
     replace(
       content,
       motion ? moving(motion, result, resolved, task, mine) : h("p", { class: "notice" }, why(task, method)),
@@ -53,6 +56,11 @@ export async function show(at, signal) {
   }
 
   await update();
+  whenChanged(status, signal, async () => {
+    const had = resultOf(method);
+    task = await read(`/tasks/${index}`);
+    if (!had) await update();
+  });
   const element = h("div", { class: "page" }, header(status, task, resolved), h("div", { class: "head-line" }, switcher()), content);
 
   function switcher() {
