@@ -15,6 +15,7 @@ from services.codesign.certify import Certificate, certify
 from services.codesign.collocation import DEGREES
 from services.codesign.problem import Accuracy, Problem, Transcription
 from services.codesign.solve import Progress, Solution, SolverOptions, solve
+from services.codesign.solver import INTERRUPTED, STOPPED
 
 FIRST = Transcription("radau", 3, 50, "current")
 """Keeps the default accuracy at once for the paper's tasks. Degree 2 exceeds limits by up to 1 percent between points,
@@ -40,7 +41,10 @@ class Round:
 
 @dataclass(frozen=True)
 class AccurateSolution:
-    """The last motion that was solved, with the way to it. `rounds` is empty when the first solve failed."""
+    """The last motion that was solved, with the way to it.
+
+    `rounds` is empty when the first solve failed or any was stopped.
+    """
 
     solution: Solution
     rounds: tuple[Round, ...]
@@ -62,7 +66,7 @@ def solve_accurately(
     """Solve a problem so that its replay meets `accuracy`; the problem's own transcription is not looked at.
 
     When it cannot be reached within `MOST_REFINEMENTS` solves and `MOST_INTERVALS` intervals, or a refined solve
-    fails, the last motion is returned with `met` false.
+    fails, the last motion is returned with `met` false. A solve that is stopped is returned as it is, without rounds.
     """
     deadline = time.monotonic() + options.max_wall_time
     solution = solve(replace(problem, transcription=first), None, options, progress)
@@ -74,6 +78,8 @@ def solve_accurately(
         if finer is None or time.monotonic() > deadline:
             break
         found = solve(replace(solution.problem, transcription=finer), solution.start, options, progress)
+        if found.status in (STOPPED, INTERRUPTED):
+            return AccurateSolution(_after(solution, found), (), met=False)
         if not found.success:
             break
         solution = _after(solution, found)

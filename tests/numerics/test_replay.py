@@ -14,6 +14,7 @@ from services.codesign.problem import Accuracy, Problem, Task, Transcription
 from services.codesign.replay import ReplayError, replay
 from services.codesign.robot import Robot
 from services.codesign.solve import Solution, SolverOptions, solve
+from services.codesign.solver import STOPPED
 from services.codesign.voltage_law import VoltageLaw, path_of, voltage_law
 from tests.numerics.arms import random_designs, random_robot
 from tests.numerics.tasks import UR5, paper_problem, paper_task, solved
@@ -213,3 +214,17 @@ def test_default_transcription_keeps_the_default_accuracy():
     certificate = certify(solve(replace(paper_problem(0.6, 2.0), transcription=FIRST)))
     assert certificate.meets(Accuracy())
     assert not certify(solved(0.6, 2.0)).meets(Accuracy())
+
+
+def test_a_stop_during_a_refinement_is_a_stop():
+    """Not a missed accuracy: the caller asked for it."""
+    first, seen = Transcription("radau", 2, 20, "current"), []
+
+    def stop_the_second_solve(report):
+        seen.append(report.iteration)
+        return seen.count(0) == 2
+
+    accuracy = Accuracy(position=1e-4, speed=1e-3)
+    found = solve_accurately(paper_problem(0.4, 1.0), accuracy, SolverOptions(), stop_the_second_solve, first)
+    assert found.solution.status == STOPPED
+    assert (found.met, found.rounds) == (False, ())
