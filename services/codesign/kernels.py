@@ -53,6 +53,9 @@ _SHAPING_SOURCES = (
     "spatial.py",
 )
 
+_SOURCES = {path.name: path.read_text() for path in Path(__file__).parent.glob("*.py")}
+"""As imported: a key made from files that were edited since would name a library of other code."""
+
 
 @dataclass(frozen=True)
 class Kernels:
@@ -153,7 +156,7 @@ def cache_key(robot: Robot, layout: IntervalLayout) -> str:
 
 def library_key(robot: Robot, form: Any, modules: Iterable[str]) -> str:
     """Hash of an arm's numbers, a form (JSON), the sources of modules beside this one, CasADi and the compiler."""
-    sources = [(Path(__file__).parent / name).read_text() for name in modules]
+    sources = [_SOURCES[name] for name in modules]
     shape = [
         _shaping_numbers(robot),
         form,
