@@ -79,6 +79,7 @@ def up(
     console = messages()
     with _started(console, settings, place) as service:
         output().print(f"Armature listens on {service.url} with {place.workers} solver processes", soft_wrap=True)
+        console.print(f"open:     {service.url} in a browser")
         console.print(f"database: {_without_password(settings.database_url)}\nlogs:     {service.logs}")
         console.print(f"submit:   armature submit FILE --url {service.url}\nCtrl-C stops it")
         try:

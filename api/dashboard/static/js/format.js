@@ -69,7 +69,13 @@ export const count = (n, noun) => `${n.toLocaleString("en")} ${noun}${n === 1 ? 
 
 const STATES = { completed_with_failures: "done, with failures", succeeded: "done", dead: "lost" };
 const METHODS = { own: "own design per task", two_step: "two-step", worst_case: "worst case" };
-const STAGES = { codesign: "Co-design", reconcile: "Reconcile", motions: "Motions" };
+const STAGES = {
+  codesign: "Co-design",
+  reconcile: "Reconcile",
+  motions: "Motions",
+  shared_optimum: "Shared optimum",
+  shared_motions: "Motions with the shared optimum",
+};
 
 export const stateName = (state) => STATES[state] ?? words(state);
 export const methodName = (method) => METHODS[method] ?? words(method);

@@ -9,7 +9,7 @@ import { DIMENSION_NAMES, DIMENSIONS } from "../names.js";
 import { objectiveText } from "../parts/head.js";
 import { stateBadge } from "../parts/state.js";
 import { symbol } from "../parts/symbol.js";
-import { reconciled } from "../parts/when-changed.js";
+import { designSought } from "../parts/when-changed.js";
 import { applicationLink, rememberQuery } from "../router.js";
 
 const OFFERED = 200;
@@ -69,7 +69,7 @@ async function load(id, signal) {
   const [status, resolved, comparison] = await Promise.all(
     ["", "/resolved", "/comparison"].map((rest) => get(ofApplication(id, rest), signal)),
   );
-  const design = reconciled(status) ? await getIfThere(ofApplication(id, "/design"), signal) : null;
+  const design = designSought(status) ? await getIfThere(ofApplication(id, "/design"), signal) : null;
   return { status, resolved, comparison, design };
 }
 

@@ -9,7 +9,7 @@ import { choice } from "../parts/choice.js";
 import { head } from "../parts/head.js";
 import { motorCards } from "../parts/motor-cards.js";
 import { constraintTable, dimensionTable, parameterTable } from "../parts/motor-sheet.js";
-import { reconciled, whenChanged } from "../parts/when-changed.js";
+import { designSought, whenChanged } from "../parts/when-changed.js";
 import { rememberQuery } from "../router.js";
 
 const MATERIALS = [
@@ -32,7 +32,7 @@ export async function show(at, signal) {
 
   async function update() {
     rememberQuery({ method: method === status.method ? null : method, motor: motor > 0 ? motor + 1 : null });
-    const design = !reconciled(status) ? null : await getIfThere(ofApplication(id, `/design?method=${encodeURIComponent(method)}`), signal);
+    const design = !designSought(status, method) ? null : await getIfThere(ofApplication(id, `/design?method=${encodeURIComponent(method)}`), signal);
     replace(content, design === null ? h("p", { class: "empty" }, missing(status, method)) : motors(design));
   }
 
@@ -61,7 +61,7 @@ export async function show(at, signal) {
   await update();
   const top = head(status, "/design");
   whenChanged(status, signal, async (next) => {
-    const nowThere = !reconciled(status) && reconciled(next);
+    const nowThere = !designSought(status, method) && designSought(next, method);
     status = next;
     top.setState(next.state);
     if (nowThere) await update();

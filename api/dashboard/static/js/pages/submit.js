@@ -65,7 +65,7 @@ export async function show(at, signal) {
   function refused(error) {
     if (!(error instanceof Problem)) replace(summary, failure(error));
     else if (kind === "yaml") {
-      replace(summary, failure(error));
+      replace(summary, error.errors.length ? h("div", { class: "notice bad", role: "alert" }, toChange(error.errors.length)) : failure(error));
       text.show(error.errors, error.message);
     } else atFields(error);
   }
@@ -79,7 +79,7 @@ export async function show(at, signal) {
     const entry = ({ error, input }) => h("li", {}, input ? h("a", { href: `#${input.id}`, on: { click: (e) => (e.preventDefault(), input.focus()) } }, error.message) : error.message);
     replace(
       summary,
-      h("div", { class: "notice bad", role: "alert" }, h("strong", {}, `Not submitted: ${count(placed.length, "thing")} to change`), h("ul", {}, placed.map(entry))),
+      h("div", { class: "notice bad", role: "alert" }, toChange(placed.length), h("ul", {}, placed.map(entry))),
     );
     (placed.find(({ input }) => input)?.input ?? button).focus();
   }
@@ -96,6 +96,8 @@ export async function show(at, signal) {
   );
   return { title: "New application", element };
 }
+
+const toChange = (n) => h("strong", {}, `Not submitted: ${count(n, "thing")} to change`);
 
 /** randomUUID needs https; this does not. */
 function newKey() {

@@ -21,7 +21,8 @@ export function whenChanged(status, signal, react) {
   repeat(look, EVERY_MS, signal);
 }
 
-/** Whether the designs for all tasks have been found. */
-export function reconciled(status) {
-  return status.progress.stages.some((stage) => stage.name === "reconcile" && stage.succeeded + stage.failed > 0);
+/** Whether the stage that finds a method's design has ended. */
+export function designSought(status, method = status.method) {
+  const name = method === "shared_optimum" ? method : "reconcile";
+  return status.progress.stages.some((stage) => stage.name === name && stage.succeeded + stage.failed > 0);
 }

@@ -14,6 +14,9 @@ const OBJECTIVES = {
   weighted: "weighted: a mix of time and energy",
 };
 
+/** What the paper compares with. */
+const COMPARED = ["empirical", "worst_case"];
+
 /**
  * @param {{objectives: string[], methods: string[], robots: {id: string, name: string, description: string}[]}} offered
  * @returns {{element: HTMLElement, value: () => any}}
@@ -34,7 +37,7 @@ export function applicationForm(offered) {
   const duration = decimal();
   const list = taskRows();
   const method = select(offered.methods.map((m) => [m, methodName(m)]));
-  const compare = offered.methods.map((m) => h("input", { type: "checkbox", value: m, checked: m === "empirical" || m === "worst_case" }));
+  const compare = offered.methods.map((m) => h("input", { type: "checkbox", value: m, checked: COMPARED.includes(m) }));
   const empirical = text();
   const worst = text();
   const precise = decimal();
@@ -107,6 +110,7 @@ export function applicationForm(offered) {
 
   const pickTasks = (kind) => {
     kindOfTasks = kind;
+    for (const box of compare) box.checked = kind === "grid" && COMPARED.includes(box.value); // a list has no middle
     showParts();
   };
   const pickGrid = (kind) => {
