@@ -11,7 +11,7 @@ READY_TO_DEVELOP := $(VENV)/.ready-to-develop
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test lint format lock clean
+.PHONY: help setup demo test bench lint format lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -23,6 +23,11 @@ demo: $(READY) ## the paper's application, end to end: 25 tasks, one design, com
 
 test: lint ## lint, types, layers, then all tests
 	$(BIN)/pytest
+
+bench: $(READY_TO_DEVELOP) ## measure the solver, and write the tables of docs/performance.md (half an hour)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.solve_time
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.growth
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.random_tasks
 
 lint: $(READY_TO_DEVELOP) ## ruff, mypy, import-linter
 	$(BIN)/ruff check .

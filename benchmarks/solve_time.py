@@ -1,0 +1,164 @@
+"""The paper's formulation against ours, side by side; then the paper's 25 tasks, and where the time goes.
+
+python -m benchmarks.solve_time              everything (about ten minutes, nearly all of it the baseline's)
+python -m benchmarks.solve_time --ours       without the baseline
+
+CPU time of one core, in one run. What only happens once a process (importing, loading kernels, building programs) is
+not counted, for either.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import tempfile
+import time
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from benchmarks.baseline import Baseline
+from benchmarks.tables import put, table
+from services.codesign import solver as solver_module
+from services.codesign.elimination import elimination
+from services.codesign.guess import quintic_guess, starting_design
+from services.codesign.instance import build_instance
+from services.codesign.problem import Objective, Problem, Task
+from services.codesign.program import load_program
+from services.codesign.robot import Robot
+from services.codesign.solution import Solution
+from services.codesign.solve import solve
+from services.codesign.solver import SolverOptions
+from services.codesign.staged_ldl import load_staged_ldl
+
+UR5 = Robot.preset("ur5")
+STROKES = (0.2, 0.4, 0.6, 0.8, 1.0)
+PAYLOADS = (0.0, 1.0, 2.0, 3.0, 4.0)
+THREE = ((0.2, 0.0), (0.6, 2.0), (1.0, 4.0))
+"""Stroke [rad] and payload [kg] of the tasks that the baseline is asked."""
+
+TOL, FINE = 1e-6, 1e-8
+SAME = 1e-4
+"""How much worse than the baseline's an optimum may be, relative, both at tol FINE."""
+
+
+def paper_problem(stroke: float, payload: float, kind: str = "time") -> Problem:
+    """One of the paper's tasks."""
+    task = Task(np.full(6, stroke), np.zeros(6), payload, duration=1.0)
+    return Problem(UR5, task, objective=Objective(kind, 0.5))
+
+
+def timed(problem: Problem, tol: float = TOL) -> tuple[float, Solution]:
+    """CPU seconds of a whole solve, guess and certificate included."""
+    began = time.process_time()
+    solution = solve(problem, options=SolverOptions(tol=tol))
+    return time.process_time() - began, solution
+
+
+def against_baseline() -> str:
+    """Three tasks by both; the same optimum, or better, is asserted."""
+    baseline, rows, ratios = Baseline(paper_problem(*THREE[0])), [], []
+    for stroke, payload in THREE:
+        problem = paper_problem(stroke, payload)
+        theirs = baseline.solve(problem, TOL)
+        runs = [timed(problem) for _ in range(5)]
+        seconds, ours = float(np.median([run[0] for run in runs])), runs[0][1]
+        _, fine = timed(problem, FINE)
+        fine_theirs = baseline.solve(problem, FINE, theirs.x)
+        assert theirs.success, "the baseline failed"
+        assert fine.objective is not None, "our solve failed"
+        difference = fine.objective / fine_theirs.objective - 1
+        assert difference < SAME, f"worse than the baseline by {difference:.1e}"
+        ratios.append(((theirs.build_seconds + theirs.seconds) / seconds, theirs.seconds / seconds))
+        rows.append(
+            [
+                f"{stroke} rad, {payload:g} kg",
+                f"{theirs.build_seconds:.1f}",
+                f"{theirs.seconds:.1f}",
+                str(theirs.iterations),
+                f"{seconds:.3f}",
+                str(ours.iterations),
+                f"{ratios[-1][0]:.0f}",
+                f"{ratios[-1][1]:.0f}",
+                f"{fine_theirs.objective:.6f}",
+                f"{fine.objective:.6f}",
+            ]
+        )
+    both, alone = np.median(ratios, axis=0)
+    rows.append(["median", "", "", "", "", "", f"**{both:.0f}**", f"**{alone:.0f}**", "", ""])
+    head = ["task", "paper's formulation: differentiated s", "solved s", "iterations", "ours s", "iterations"]
+    return table([*head, "times faster", "than its solve alone", "its optimum s, tol 1e-8", "ours"], rows)
+
+
+def all_tasks() -> str:
+    """The 25 tasks for every objective, cold."""
+    rows = []
+    for kind in ("time", "energy", "weighted"):
+        timed(paper_problem(0.6, 2.0, kind))
+        runs = [timed(paper_problem(stroke, payload, kind)) for stroke in STROKES for payload in PAYLOADS]
+        seconds, iterations = [run[0] for run in runs], [run[1].iterations for run in runs]
+        rows.append(
+            [
+                kind,
+                f"{sum(run[1].success for run in runs)} of {len(runs)}",
+                f"{np.median(seconds):.3f}",
+                f"{max(seconds):.3f}",
+                f"{np.median(iterations):.0f}",
+                f"{max(iterations)}",
+                f"{1e3 * sum(seconds) / sum(iterations):.1f}",
+            ]
+        )
+    head = ["objective", "solved", "CPU s, median", "most", "iterations, median", "most"]
+    return table([*head, "ms an iteration, all included"], rows)
+
+
+def shares() -> str:
+    """Where the time of one solve goes, by IPOPT's and CasADi's own clocks, with our factorisation and with MUMPS."""
+    problem = paper_problem(0.6, 2.0)
+    program = load_program(problem.robot, problem.layout, problem.transcription.intervals)
+    instance = build_instance(problem, program)
+    start = quintic_guess(problem, program, instance, starting_design(problem))
+    rows = []
+    for name, staged in (("ours", load_staged_ldl()), ("MUMPS, ordered by METIS", None)):
+        monitor = solver_module._Monitor(program)
+        monitor.begin(None, 0, np.inf)
+        options = solver_module._casadi_options(program, SolverOptions(), False, staged, monitor)
+        with tempfile.TemporaryDirectory() as folder:
+            log = Path(folder) / "ipopt.log"
+            more = {"output_file": str(log), "file_print_level": 5, "print_timing_statistics": "yes"}
+            options["ipopt"] |= more
+            solver = ca.nlpsol("shares", "ipopt", program.nlp, options)
+            if staged is not None:
+                staged.hand_over(elimination(program, instance))
+            began = time.process_time()
+            solver(**solver_module._arguments(instance, start))
+            total, stats, text = time.process_time() - began, solver.stats(), log.read_text()
+        functions = sum(value for key, value in stats.items() if key.startswith("t_proc_nlp_"))
+        linear = _clock(text, "PDSystemSolverTotal")
+        parts = (linear, functions, total - linear - functions)
+        cells = [f"{1e3 * part:.0f} ({part / total:.0%})" for part in parts]
+        rows.append([name, str(stats["iter_count"]), *cells, f"{1e3 * total:.0f}"])
+    head = ["linear systems by", "iterations", "linear systems ms", "functions and derivatives ms", "rest of IPOPT ms"]
+    return table([*head, "together ms"], rows)
+
+
+def _clock(log: str, part: str) -> float:
+    found = re.search(rf"{part}\.*:\s*([0-9.]+)", log)
+    assert found is not None, f"IPOPT's log has no {part}"
+    return float(found.group(1))
+
+
+def main() -> None:
+    """Measure, and write the sections of docs/performance.md."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--ours", action="store_true", help="leave the baseline out")
+    arguments = parser.parse_args()
+    put("tasks", all_tasks())
+    put("shares", shares())
+    if not arguments.ours:
+        put("baseline", against_baseline())
+
+
+if __name__ == "__main__":
+    main()
