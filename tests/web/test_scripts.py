@@ -89,6 +89,16 @@ def test_numbers_are_printed_for_people(scripts: Page, value: float | None, prin
     assert call(scripts, "format.js", "number", value) == printed
 
 
+def test_a_column_has_the_same_decimals(scripts: Page) -> None:
+    """As many as give the largest four digits; with the unit."""
+    narrow_space = "\u202f"
+    assert call(scripts, "format.js", "aligned", [0.98, 8.125], "s") == [
+        f"0.980{narrow_space}s",
+        f"8.125{narrow_space}s",
+    ]
+    assert call(scripts, "format.js", "aligned", [-12.5, 204400], "1") == ["−13", "204400"]
+
+
 def test_a_field_is_found_in_yaml(scripts: Page) -> None:
     """The second task's start, not the first's; and a field inside braces."""
     text = (

@@ -47,6 +47,13 @@ export function quantity(value, wire, digits = 4) {
     : `${number(value, digits)}${THIN}${printed}`;
 }
 
+/** Quantities of one column: the same decimals, so that they can be compared. @param {number[]} values @returns {string[]} */
+export function aligned(values, wire, digits = 4) {
+  const largest = Math.max(...values.map(Math.abs));
+  const decimals = largest > 0 ? Math.min(6, Math.max(0, digits - 1 - Math.floor(Math.log10(largest)))) : 0;
+  return values.map((value) => `${fixed(value, decimals)}${unit(wire) ? THIN : ""}${unit(wire)}`);
+}
+
 /** Seconds as people say them. */
 export function duration(seconds) {
   if (seconds === null || seconds === undefined) return NONE;

@@ -2,7 +2,7 @@
 
 import { get, ofApplication } from "../api.js";
 import { h, replace } from "../dom.js";
-import { count, methodName, quantity, signed } from "../format.js";
+import { aligned, count, methodName, signed } from "../format.js";
 import { head } from "../parts/head.js";
 import { whenChanged } from "../parts/when-changed.js";
 import { heatKey, heatMap, percentCell, taskLink } from "../plots/heat.js";
@@ -46,12 +46,14 @@ function totals(status, comparison, overview) {
 
 function totalsTable(status, comparison, names) {
   const columns = [
-    ["Objective", (m) => quantity(m.total_objective, comparison.unit)],
-    ["Time", (m) => quantity(m.total_time_s, "s")],
-    ["Energy ∫u'u", (m) => quantity(m.total_energy_V2s, "V2 s")],
-    ["Electrical energy", (m) => quantity(m.total_electrical_energy_J, "J")],
-    ["Copper loss", (m) => quantity(m.total_copper_loss_J, "J")],
-  ].slice(status.objective.kind === "weighted" ? 0 : 1);
+    ["Objective", "total_objective", comparison.unit],
+    ["Time", "total_time_s", "s"],
+    ["Energy ∫u'u", "total_energy_V2s", "V2 s"],
+    ["Electrical energy", "total_electrical_energy_J", "J"],
+    ["Copper loss", "total_copper_loss_J", "J"],
+  ]
+    .slice(status.objective.kind === "weighted" ? 0 : 1)
+    .map(([label, key, wire]) => [label, aligned(names.map((name) => comparison.methods[name][key]), wire)]);
   const regret = (name) => {
     const total = comparison.regret[name]?.total;
     return name === "own" ? "bound" : total === null || total === undefined ? "–" : `${signed(100 * total)} %`;
@@ -66,12 +68,12 @@ function totalsTable(status, comparison, names) {
       h(
         "tbody",
         {},
-        names.map((name) =>
+        names.map((name, k) =>
           h(
             "tr",
             {},
             h("th", { scope: "row" }, methodName(name), name === status.method ? h("span", { class: "tag" }, "chosen") : null),
-            columns.map(([, value]) => h("td", { class: "figure" }, value(comparison.methods[name]))),
+            columns.map(([, printed]) => h("td", { class: "figure" }, printed[k])),
             h("td", { class: "figure" }, regret(name)),
           ),
         ),
