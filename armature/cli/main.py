@@ -2,42 +2,16 @@
 
 from __future__ import annotations
 
-import typer
-
-from armature.cli import local, remote
-from armature.cli.exit_codes import HELP
-from armature.cli.failures import Commands
-
-app = typer.Typer(
-    cls=Commands,
-    help="Co-design of robot-arm motors and motions.",
-    epilog=HELP,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-)
-
-HERE, SERVER = "On this machine", "Any server (--url or ARMATURE_URL)"
-
-app.command(rich_help_panel=HERE)(local.run)
-app.command(rich_help_panel=HERE)(local.up)
-app.command("list", rich_help_panel=SERVER)(remote.list_applications)
-for command in (
-    remote.submit,
-    remote.status,
-    remote.watch,
-    remote.tasks,
-    remote.design,
-    remote.designs,
-    remote.comparison,
-    remote.cancel,
-    remote.retry,
-):
-    app.command(rich_help_panel=SERVER)(command)
+import signal
 
 
 def run() -> None:
     """Run the command line of this process."""
+    # Some libraries catch whatever comes while they are imported, Ctrl-C included. Until then it ends the process.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from armature.cli.commands import app
+
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     app(prog_name="armature")
 
 

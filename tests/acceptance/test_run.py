@@ -109,7 +109,7 @@ def test_refused_input_is_named_and_nothing_is_stored(home: Path, tmp_path: Path
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ("name: [unfinished", "line 1"),
+        ("name: [unfinished", "is not YAML: line "),
         ("name: a\nname: b\n", "'name' is given twice"),
         ("just text", "not an application"),
         (None, "there is no file"),
