@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import os
 import selectors
+import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -27,6 +29,8 @@ START_TIMEOUT_S = 60.0
 KILL_AFTER_S = 5.0
 """Added to the drain before a process that has not ended is killed. Jobs it held are taken up again when their leases
 have run out."""
+_INTERRUPTED = threading.Event()
+
 LAST_WORDS_LINES = 15
 LARGEST_LOG_BYTES = 10_000_000
 
@@ -66,7 +70,12 @@ class Service:
     _log_starts: dict[str, int] = field(repr=False)
 
     def check(self) -> None:
-        """Raise `ServiceError`, with the process's last words, when one of the processes has ended."""
+        """Raise `ServiceError`, with the process's last words, when one of the processes has ended.
+
+        Raise `KeyboardInterrupt` when this process was told to end (`interrupt_on_signals`).
+        """
+        if _INTERRUPTED.is_set():
+            raise KeyboardInterrupt
         if self._supervisor.poll() is None and not _readable(self._supervisor.stdout):
             return
         report = _read_report(self._supervisor)
@@ -253,11 +262,15 @@ def _reachable(host: str) -> str:
 
 
 def interrupt_on_signals() -> None:
-    """Make SIGTERM and SIGHUP of this process mean what Ctrl-C means, so that `with` blocks end in order."""
-    import signal
+    """Make SIGTERM and SIGHUP of this process mean what Ctrl-C means, so that `with` blocks end in order.
+
+    Python drops an exception that comes inside a destructor. Such an interruption is remembered, and raised by the next
+    `Service.check`.
+    """
 
     def interrupt(_number: int, _frame: FrameType | None) -> None:
+        _INTERRUPTED.set()
         raise KeyboardInterrupt
 
-    for number in (signal.SIGTERM, signal.SIGHUP):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, interrupt)
