@@ -42,9 +42,10 @@ format: $(READY_TO_DEVELOP) ## format the code, and fix what ruff can fix
 UV_COMPILE = uv pip compile --universal --generate-hashes --no-emit-index-url --no-annotate --no-header \
 	--python-version 3.11 pyproject.toml
 
-lock: ## write both lock files from pyproject.toml, with hashes (needs uv; UPGRADE=--upgrade takes the newest versions)
+lock: ## write the lock files from pyproject.toml, with hashes (needs uv; UPGRADE=--upgrade takes the newest versions)
 	$(UV_COMPILE) $(UPGRADE) --group build -o requirements.lock
-	$(UV_COMPILE) $(UPGRADE) --group dev -o requirements-dev.lock
+	$(UV_COMPILE) $(UPGRADE) --extra tables --group build -o requirements-tables.lock
+	$(UV_COMPILE) $(UPGRADE) --extra tables --group dev -o requirements-dev.lock
 
 clean: ## remove .venv, caches and results
 	rm -rf $(VENV) out build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
@@ -55,8 +56,8 @@ $(VENV)/pyvenv.cfg:
 		|| { echo "Python 3.11 or later is needed; 'make PYTHON=/path/to/python3 ...' names another"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
-$(READY): pyproject.toml requirements.lock | $(VENV)/pyvenv.cfg
-	$(BIN)/pip install --quiet --require-hashes -r requirements.lock
+$(READY): pyproject.toml requirements-tables.lock | $(VENV)/pyvenv.cfg
+	$(BIN)/pip install --quiet --require-hashes -r requirements-tables.lock
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation -e .
 	@touch $@
 
