@@ -10,10 +10,11 @@ from fastapi import FastAPI
 from starlette.middleware.body_limit import RequestBodyLimitMiddleware
 
 from api import dashboard
+from api.access import Access, owned
 from api.context import Context
 from api.errors import install_error_handlers
 from api.request_log import RequestLog
-from api.routers import applications, events, health, results, robots
+from api.routers import applications, events, health, results, robots, session
 from api.too_large import TooLarge
 from api.yaml_bodies import YamlBodies
 from shared.db.engine import make_engine
@@ -49,8 +50,11 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(YamlBodies)
     app.add_middleware(RequestBodyLimitMiddleware, max_body_size=settings.max_body_bytes)
     app.add_middleware(TooLarge, most=settings.max_body_bytes)
+    app.add_middleware(Access, context=context)
     app.add_middleware(RequestLog)
-    for router in (applications.router, events.router, results.router, robots.router, health.router):
+    for router in (applications.router, events.router, results.router, robots.router):
+        app.include_router(router, dependencies=[owned])
+    for router in (session.router, health.router):
         app.include_router(router)
     dashboard.install(app)
     return app

@@ -10,6 +10,7 @@ print(application.design().design_mm)
 from __future__ import annotations
 
 import json
+import os
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping
@@ -56,6 +57,8 @@ class Client:
     ----------
     url
         Such as ``http://127.0.0.1:8000``.
+    api_key
+        Where the server asks for one; None: ARMATURE_API_KEY of the environment, if it is set.
     timeout_s
         Longest wait for one answer [s].
     retry_waits_s
@@ -68,13 +71,16 @@ class Client:
         self,
         url: str = DEFAULT_URL,
         *,
+        api_key: str | None = None,
         timeout_s: float = 30.0,
         retry_waits_s: tuple[float, ...] = RETRY_WAITS_S,
         transport: httpx.BaseTransport | None = None,
     ) -> None:
         self.url = url.rstrip("/")
         self._retry_waits_s = retry_waits_s
-        self._http = httpx.Client(base_url=self.url, timeout=timeout_s, transport=transport)
+        key = os.environ.get("ARMATURE_API_KEY") if api_key is None else api_key
+        headers = {"Authorization": f"Bearer {key}"} if key else {}
+        self._http = httpx.Client(base_url=self.url, timeout=timeout_s, transport=transport, headers=headers)
 
     def __enter__(self) -> Self:
         return self

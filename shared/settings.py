@@ -44,6 +44,11 @@ class Settings(BaseSettings):
     solve_time_limit_s: float = Field(600.0, gt=0)
     """Longest time one solve may take."""
 
+    api_keys_required: bool = False
+    """Whether every call under /v1 needs an API key (`armature key create`); each key sees what it submitted only."""
+    session_hours: float = Field(168.0, gt=0)
+    """How long a browser that showed a key stays logged in."""
+
     max_body_bytes: int = Field(2_000_000, ge=1)
     max_tasks: int = Field(2_000, ge=1)
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Header, Query, Request, Response
 
+from api.access import OwnerOf
 from api.context import Ctx
 from services.jobs import listing, views
 from services.jobs.cancel import cancel, delete_application
@@ -28,10 +29,11 @@ def submit_application(
     body: ApplicationRequest,
     response: Response,
     ctx: Ctx,
+    owner: OwnerOf,
     idempotency_key: Annotated[str | None, Header(min_length=1, max_length=200)] = None,
 ) -> Accepted:
     """Validate and store an application; its jobs start as workers are free."""
-    application_id, _ = submit(ctx.engine, ctx.settings, body, idempotency_key)
+    application_id, _ = submit(ctx.engine, ctx.settings, body, idempotency_key, owner)
     url = f"/v1/applications/{application_id}"
     response.headers["Location"], response.headers["Retry-After"] = url, POLL_AFTER_S
     return Accepted(id=application_id, state=views.status(ctx.engine, application_id).state, url=url)
@@ -40,6 +42,7 @@ def submit_application(
 @router.get("")
 def list_applications(
     ctx: Ctx,
+    owner: OwnerOf,
     cursor: str | None = None,
     limit: Limit = 50,
     *,
@@ -48,7 +51,7 @@ def list_applications(
     name: Annotated[str | None, Query(min_length=1, description="part of the name, in any case")] = None,
 ) -> ApplicationList:
     """Applications, newest first."""
-    return listing.list_applications(ctx.engine, cursor, limit, listing.Filters(state, tag, name))
+    return listing.list_applications(ctx.engine, cursor, limit, listing.Filters(state, tag, name, owner))
 
 
 @router.get("/{application_id}")

@@ -6,6 +6,7 @@ from typing import Any
 
 from fastapi import APIRouter, Response
 
+from api.access import OwnerOf
 from api.context import Ctx
 from services.jobs.robots import get_robot, list_robots, upload_robot
 
@@ -13,9 +14,9 @@ router = APIRouter(prefix="/v1/robots", tags=["robots"])
 
 
 @router.get("")
-def list_all(ctx: Ctx) -> dict[str, Any]:
+def list_all(ctx: Ctx, owner: OwnerOf) -> dict[str, Any]:
     """Presets and uploaded robots."""
-    return {"items": list_robots(ctx.engine), "next_cursor": None}
+    return {"items": list_robots(ctx.engine, owner), "next_cursor": None}
 
 
 @router.get("/{robot_id}")
@@ -25,8 +26,8 @@ def get_one(robot_id: str, ctx: Ctx) -> dict[str, Any]:
 
 
 @router.post("", status_code=201)
-def upload(body: dict[str, Any], response: Response, ctx: Ctx) -> dict[str, str]:
+def upload(body: dict[str, Any], response: Response, ctx: Ctx, owner: OwnerOf) -> dict[str, str]:
     """Keep a robot, to be named by its id in applications."""
-    robot_id = upload_robot(ctx.engine, body)
+    robot_id = upload_robot(ctx.engine, body, owner)
     response.headers["Location"] = f"/v1/robots/{robot_id}"
     return {"id": robot_id}

@@ -12,6 +12,7 @@ from sqlalchemy import Engine, Row, String, and_, cast, func, select
 from sqlalchemy.orm import Session
 
 from services.codesign.comparison import OWN
+from services.jobs.owners import Owner, owned_by
 from services.jobs.resolved import SHARED
 from services.jobs.views import UNITS, iso_time
 from shared.contracts import results as wire
@@ -28,6 +29,7 @@ class Filters:
     tag: str | None = None
     name: str | None = None
     """Part of the name, in any case."""
+    owner: Owner = None
 
 
 @dataclass
@@ -65,6 +67,7 @@ def _page(session: Session, cursor: str | None, limit: int, filters: Filters) ->
         .order_by(Application.id.desc())
         .limit(limit)
     )
+    statement = statement.where(owned_by(filters.owner, Application.owner))
     if cursor is not None:
         statement = statement.where(Application.id < cursor)
     if filters.state is not None:

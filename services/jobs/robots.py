@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import Engine, select
 
 from services.codesign.robot import Robot, RobotError, preset_names, preset_wire
+from services.jobs.owners import Owner, owned_by
 from services.jobs.submit import find_robot
 from services.jobs.views import NotFoundError
 from shared.contracts.errors import FieldError, InvalidInputError
@@ -16,10 +17,11 @@ from shared.db.tables import UploadedRobot
 from shared.domain import new_id
 
 
-def list_robots(engine: Engine) -> list[dict[str, str]]:
+def list_robots(engine: Engine, owner: Owner = None) -> list[dict[str, str]]:
     """Presets by name, then uploads by id, newest first."""
+    mine = owned_by(owner, UploadedRobot.owner)
     with reading(engine) as session:
-        rows = session.scalars(select(UploadedRobot).order_by(UploadedRobot.id.desc())).all()
+        rows = session.scalars(select(UploadedRobot).where(mine).order_by(UploadedRobot.id.desc())).all()
     presets = [
         {"id": name, "name": name, "kind": "preset", "description": str(preset_wire(name).get("description", ""))}
         for name in preset_names()
@@ -40,7 +42,7 @@ def get_robot(engine: Engine, robot_id: str) -> Mapping[str, Any]:
     return wire
 
 
-def upload_robot(engine: Engine, wire: Mapping[str, Any]) -> str:
+def upload_robot(engine: Engine, wire: Mapping[str, Any], owner: Owner = None) -> str:
     """Store a robot; returns its id.
 
     Raises
@@ -52,7 +54,7 @@ def upload_robot(engine: Engine, wire: Mapping[str, Any]) -> str:
         robot = Robot.from_wire(wire)
     except RobotError as error:
         raise InvalidInputError([FieldError(error.field, None, error.reason)]) from error
-    row = UploadedRobot(id=new_id(), name=robot.name, wire=dict(wire))
+    row = UploadedRobot(id=new_id(), name=robot.name, wire=dict(wire), owner=owner)
     with transaction(engine) as session:
         session.add(row)
     return row.id

@@ -10,6 +10,7 @@ from typing import Any
 from sqlalchemy import Engine, select
 from sqlalchemy.exc import IntegrityError
 
+from services.jobs.owners import Owner, owned_by
 from services.jobs.plan import plan_first
 from services.jobs.resolve import resolve
 from services.jobs.store import open_stage
@@ -26,7 +27,11 @@ class IdempotencyConflictError(Exception):
 
 
 def submit(
-    engine: Engine, settings: Settings, request: ApplicationRequest, idempotency_key: str | None = None
+    engine: Engine,
+    settings: Settings,
+    request: ApplicationRequest,
+    idempotency_key: str | None = None,
+    owner: Owner = None,
 ) -> tuple[str, bool]:
     """Store an application; from then on it ends in a final state whatever is killed.
 
@@ -44,9 +49,11 @@ def submit(
     """
     body = request.model_dump(mode="json")
     request_hash = hashlib.sha256(json.dumps(body, sort_keys=True).encode()).hexdigest()
+    if idempotency_key is not None:
+        idempotency_key = _of_owner(idempotency_key, owner)
     if idempotency_key is not None and (earlier := _earlier(engine, idempotency_key, request_hash)):
         return earlier, False
-    resolved = resolve(request, lambda robot_id: find_robot(engine, robot_id), settings.max_tasks)
+    resolved = resolve(request, lambda robot_id: find_robot(engine, robot_id, owner), settings.max_tasks)
     application = Application(
         id=new_id(),
         name=request.name,
@@ -58,6 +65,7 @@ def submit(
         tags=list(request.tags),
         idempotency_key=idempotency_key,
         request_hash=request_hash,
+        owner=owner,
     )
     try:
         with transaction(engine) as session:
@@ -74,10 +82,16 @@ def submit(
     return application.id, True
 
 
-def find_robot(engine: Engine, robot_id: str) -> Mapping[str, Any] | None:
-    """An uploaded robot's wire form."""
+def find_robot(engine: Engine, robot_id: str, owner: Owner = None) -> Mapping[str, Any] | None:
+    """The wire form of an uploaded robot that an owner sees."""
+    mine = owned_by(owner, UploadedRobot.owner)
     with reading(engine) as session:
-        return session.scalar(select(UploadedRobot.wire).where(UploadedRobot.id == robot_id))
+        return session.scalar(select(UploadedRobot.wire).where(UploadedRobot.id == robot_id, mine))
+
+
+def _of_owner(key: str, owner: Owner) -> str:
+    """Two owners may have thought of the same idempotency key."""
+    return key if owner is None else f"{owner}:{hashlib.sha256(key.encode()).hexdigest()}"
 
 
 def _earlier(engine: Engine, key: str, request_hash: str) -> str | None:
@@ -88,5 +102,5 @@ def _earlier(engine: Engine, key: str, request_hash: str) -> str | None:
     if row is None:
         return None
     if row.request_hash != request_hash:
-        raise IdempotencyConflictError(f"Idempotency-Key {key!r} was used with another body")
+        raise IdempotencyConflictError("this Idempotency-Key was used with another body")
     return str(row.id)

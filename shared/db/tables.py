@@ -50,7 +50,10 @@ class Application(Base):
     """What was submitted, what became of it."""
 
     __tablename__ = "applications"
-    __table_args__ = (Index("ix_applications_state_id", "state", "id"),)
+    __table_args__ = (
+        Index("ix_applications_state_id", "state", "id"),
+        Index("ix_applications_owner_id", "owner", "id"),
+    )
 
     id: Mapped[str] = mapped_column(String(32), primary_key=True)
     name: Mapped[str] = mapped_column(String(200))
@@ -72,6 +75,8 @@ class Application(Base):
     created_at: Mapped[float] = mapped_column(default=now())
     started_at: Mapped[float | None]
     finished_at: Mapped[float | None]
+    owner: Mapped[str | None] = mapped_column(String(32))
+    """The API key that submitted it (`services.jobs.owners`); null where no keys are asked for."""
 
 
 class Stage(Base):
@@ -197,3 +202,27 @@ class UploadedRobot(Base):
     name: Mapped[str] = mapped_column(String(200))
     wire: Mapped[dict[str, Any]]
     created_at: Mapped[float] = mapped_column(default=now())
+    owner: Mapped[str | None] = mapped_column(String(32))
+    """As an application's."""
+
+
+class ApiKey(Base):
+    """Who may ask. A key itself is random enough that a fast hash of it cannot be turned back; only that is kept."""
+
+    __tablename__ = "api_keys"
+
+    id: Mapped[str] = mapped_column(String(32), primary_key=True)
+    name: Mapped[str] = mapped_column(String(200))
+    hash: Mapped[str] = mapped_column(String(64), unique=True)
+    created_at: Mapped[float] = mapped_column(default=now())
+    revoked_at: Mapped[float | None]
+
+
+class BrowserSession(Base):
+    """A browser that showed a key once; ends with its time, with a logout, or with the key."""
+
+    __tablename__ = "sessions"
+
+    hash: Mapped[str] = mapped_column(String(64), primary_key=True)
+    key_id: Mapped[str] = mapped_column(ForeignKey("api_keys.id", ondelete="CASCADE"), index=True)
+    expires_at: Mapped[float]

@@ -32,7 +32,7 @@ from shared.db.engine import make_engine
 from shared.db.migrate import upgrade
 from shared.domain import ApplicationState
 from shared.settings import Settings
-from tests.service.test_queue import queued, state_of
+from tests.service.queue_actions import queued, state_of
 
 ROOT = Path(__file__).parents[2]
 

@@ -16,8 +16,8 @@ from api.app import create_app
 from services.jobs.submit import submit
 from shared.settings import Settings
 from tests.servers import free_port
+from tests.service.queue_actions import drain
 from tests.service.requests import application
-from tests.service.test_queue import drain
 
 TIMEOUT_S = 20.0
 
