@@ -28,6 +28,7 @@ SAMPLES = 40
 MM = 1e-3
 MU_0 = 4e-7 * np.pi
 PAYLOAD_RADIUS = 0.05  # m
+FRICTION_SPEED = 0.05  # rad/s, within which Coulomb friction changes its sign
 
 CONSTANTS = {
     "pole_pairs": 4,
@@ -147,6 +148,8 @@ class Arm:
         self.gears = np.array(robot["gear_ratio"])
         self.gravity = np.array(robot["gravity_m_s2"])
         self.n = len(self.gears)
+        self.viscous = np.array(robot.get("viscous_friction_Nms_rad") or [0.0] * self.n)
+        self.coulomb = np.array(robot.get("coulomb_friction_Nm") or [0.0] * self.n)
         bodies = list(self._bodies(robot, m, payload))
         self.carrier = np.array([body.carrier for body in bodies])
         self.mass = np.array([body.mass for body in bodies])
@@ -184,6 +187,11 @@ class Arm:
             Rs.append(R)
             ps.append(p)
         return np.array([*Rs, np.eye(3)]), np.array([*ps, np.zeros(3)])
+
+    def friction(self, qd: np.ndarray) -> np.ndarray:
+        """Friction torques (n,) [N m]."""
+        torque: np.ndarray = self.viscous * qd + self.coulomb * np.tanh(qd / FRICTION_SPEED)
+        return torque
 
     def dynamics(self, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         """Mass matrix (n, n), the other torques (n,) [N m], and the potential energy [J].
@@ -241,16 +249,18 @@ def check(inputs: dict[str, Any], task: dict[str, Any], trajectory: dict[str, An
         v_d, v_q, speed = powers @ u_d[w], powers @ u_q[w], arm.gears * qd
         torque = 1.5 * P * m.flux * i_q
         M, h, _ = arm.dynamics(q, qd)
-        qdd = np.linalg.solve(M, arm.gears * torque - h)
+        friction = arm.friction(qd)
+        qdd = np.linalg.solve(M, arm.gears * torque - h - friction)
         di_d = (v_d - m.resistance * i_d + P * speed * m.inductance * i_q) / m.inductance
         di_q = (v_q - m.resistance * i_q - P * speed * (m.inductance * i_d + m.flux)) / m.inductance
         power = 1.5 * (v_d * i_d + v_q * i_q)
         copper = 1.5 * m.resistance * (i_d**2 + i_q**2)
-        energies = [power.sum(), copper.sum(), torque @ speed, v_d @ v_d + v_q @ v_q, np.maximum(-power, 0).sum()]
+        recovered = np.maximum(-power, 0).sum()
+        energies = [power.sum(), copper.sum(), torque @ speed, v_d @ v_d + v_q @ v_q, recovered, friction @ qd]
         return np.concatenate([qd, qdd, di_d, di_q, energies])
 
     start_speed = given.get("start_speed_rad_s") or [0.0] * n
-    x = np.concatenate([given["start_rad"], start_speed, np.zeros(2 * n), np.zeros(5)])
+    x = np.concatenate([given["start_rad"], start_speed, np.zeros(2 * n), np.zeros(6)])
     first = x
     path = []
     for w in range(len(breaks) - 1):
@@ -266,7 +276,7 @@ def check(inputs: dict[str, Any], task: dict[str, Any], trajectory: dict[str, An
 
     certificate = result_of(task, trajectory["method"])["certificate"]
     end_speed = given.get("end_speed_rad_s") or [0.0] * n
-    energy = dict(zip(("input", "copper", "shaft", "effort", "recovered"), x[4 * n :], strict=True))
+    energy = dict(zip(("input", "copper", "shaft", "effort", "recovered", "friction"), x[4 * n :], strict=True))
     field = 0.75 * m.inductance @ (x[2 * n : 3 * n] ** 2 + x[3 * n : 4 * n] ** 2)
     mechanical = _mechanical(arm, x, n) - _mechanical(arm, first, n)
     electrical = certificate["energy_balance"]["electrical"]
@@ -282,6 +292,7 @@ def check(inputs: dict[str, Any], task: dict[str, Any], trajectory: dict[str, An
             mechanical,
             certificate["energy_balance"]["mechanical"]["kinetic_and_potential_change_J"],
         ),
+        "friction_J": (energy["friction"], certificate["energy_balance"]["mechanical"]["friction_J"]),
         "energy_V2s": (energy["effort"], result["energy_V2s"]),
         "recovered_energy_J": (energy["recovered"], sum(result["recovered_energy_J"])),
     }
@@ -310,9 +321,11 @@ def _excess(
     powers = np.linspace(0, 1, SAMPLES + 1)[:, None] ** np.arange(voltages[0].shape[1])
     u = [np.einsum("sk,wkn->wns", powers, coefficients) for coefficients in voltages]
     rotor = np.abs(arm.gears)[:, None] * np.abs(speed)
+    given = robot.get("joint_speed_limit_rad_s") or [None] * arm.n
+    joint_limit = np.array([np.inf if limit is None else limit for limit in given])[:, None]
     shares = {
         "joint_range": np.maximum(low - position, position - high) / (high - low),
-        "rotor_speed": rotor / robot["rotor_speed_limit_rad_s"] - 1,
+        "rotor_speed": np.maximum(rotor / robot["rotor_speed_limit_rad_s"], np.abs(speed) / joint_limit) - 1,
         "current": np.maximum(np.abs(i_d), np.abs(i_q)) / c["current_limit_A"] - 1,
         "voltage": np.maximum(*np.abs(u)) / c["voltage_limit_V"] - 1,
     }

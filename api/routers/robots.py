@@ -8,7 +8,7 @@ from fastapi import APIRouter, Response
 
 from api.access import OwnerOf
 from api.context import Ctx
-from services.jobs.robots import get_robot, list_robots, upload_robot
+from services.jobs.robots import delete_robot, get_robot, list_robots, upload_robot
 
 router = APIRouter(prefix="/v1/robots", tags=["robots"])
 
@@ -27,7 +27,13 @@ def get_one(robot_id: str, ctx: Ctx) -> dict[str, Any]:
 
 @router.post("", status_code=201)
 def upload(body: dict[str, Any], response: Response, ctx: Ctx, owner: OwnerOf) -> dict[str, str]:
-    """Keep a robot, to be named by its id in applications."""
+    """Keep a robot, to be named by its id in applications: in the robot format, or a URDF's text with settings."""
     robot_id = upload_robot(ctx.engine, body, owner)
     response.headers["Location"] = f"/v1/robots/{robot_id}"
     return {"id": robot_id}
+
+
+@router.delete("/{robot_id}", status_code=204)
+def delete(robot_id: str, ctx: Ctx) -> None:
+    """Forget an upload; applications that use it keep their copy of it."""
+    delete_robot(ctx.engine, robot_id)

@@ -38,6 +38,8 @@ class Arm:
     rotor_inertia: list[Expression]  # 6 x 6
     rotor_inertia_axial: list[Expression]  # [kg m2]
     motor_positions: np.ndarray  # (n, 3) motor k in the frame of the link that carries it [m]
+    viscous_friction: np.ndarray  # (n,) N m s/rad, at the joint
+    coulomb_friction: np.ndarray  # (n,) N m, at the joint
 
     @property
     def joints(self) -> int:
@@ -94,6 +96,8 @@ def build_arm(robot: Robot, motors: list[MotorParameters], payload: Expression, 
         ],
         rotor_inertia_axial=[motors[k].rotor_inertia_axial for k in range(n)],
         motor_positions=robot.motor_position - parents,
+        viscous_friction=robot.viscous_friction,
+        coulomb_friction=robot.coulomb_friction,
     )
 
 

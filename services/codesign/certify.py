@@ -64,7 +64,7 @@ class Certificate:
     path_speed: float | None  # rad/s, the same
     limits: Mapping[str, LimitCheck]  # by `LIMITS`; without a replay, between_points is infinite
     electrical_balance: EnergyBalance | None  # input = copper + field change + shaft
-    mechanical_balance: EnergyBalance | None  # shaft = change of kinetic and potential energy
+    mechanical_balance: EnergyBalance | None  # shaft = change of kinetic and potential energy + friction
     energies: Energies | None
     kkt_residual: float  # scaled; from the program's functions with the multipliers
     constraint_violation: float  # scaled; of the program at the solution
@@ -182,7 +182,7 @@ def _electrical_balance(e: Energies) -> EnergyBalance:
 
 
 def _mechanical_balance(e: Energies) -> EnergyBalance:
-    terms = (e.shaft, -e.mechanical_change)
+    terms = (e.shaft, -e.mechanical_change, -e.friction)
     return EnergyBalance(sum(terms), sum(map(abs, terms)))
 
 

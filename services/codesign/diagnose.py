@@ -70,6 +70,8 @@ def _too_far(problem: Problem) -> str | None:
 
 def _speed_limit(problem: Problem, k: int) -> str:
     robot = problem.robot
+    if robot.joint_speed_bound[k] < robot.rotor_speed_limit / abs(robot.gear_ratio[k]):
+        return f"its speed limit is {robot.joint_speed_bound[k]:.4g} rad/s"
     return (
         f"the rotor speed limit of {robot.rotor_speed_limit:.2f} rad/s through a gear of {robot.gear_ratio[k]:g} "
         f"allows {robot.joint_speed_limit[k]:.4g} rad/s"

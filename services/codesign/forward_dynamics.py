@@ -12,6 +12,7 @@ from typing import Any
 import casadi as ca
 
 from services.codesign.arm import Arm
+from services.codesign.friction import friction_torque
 from services.codesign.spatial import adjoint_to_child, bracket, bracket_dual
 
 Expression = Any
@@ -20,6 +21,7 @@ Expression = Any
 def forward_dynamics(arm: Arm, q: Expression, qd: Expression, tau: Expression) -> Expression:
     """Joint accelerations [rad/s2] under joint torques `tau` [N m], shape (n,)  (Algorithm 1)."""
     n = arm.joints
+    tau = tau - friction_torque(arm, qd)
 
     # ---- outward: transforms, twists, velocity products, bias forces of single bodies
     X, A_L, A_R, xi_L, p_L, p_R = (_per_joint(n) for _ in range(6))

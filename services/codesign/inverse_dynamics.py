@@ -12,6 +12,7 @@ from typing import Any
 import casadi as ca
 
 from services.codesign.arm import Arm
+from services.codesign.friction import friction_torque
 from services.codesign.spatial import bracket, bracket_dual, motion_to_child, wrench_to_parent
 
 Expression = Any
@@ -58,4 +59,4 @@ def inverse_dynamics(arm: Arm, q: Expression, qd: Expression, qdd: Expression) -
         tau[k] = ca.dot(arm.axes[k], F[:3]) + Z * J * (Z * qdd[k] + parent_spin_rate[k])
         spin_moment = J * Z * (arm.axes[k] * qdd[k] + ca.cross(parent_omega[k], ca.DM(arm.axes[k])) * qd[k])
         F_child = wrench_to_parent(F, *poses[k]) + ca.vertcat(spin_moment, ca.DM(3, 1))
-    return ca.vertcat(*tau)
+    return ca.vertcat(*tau) + friction_torque(arm, qd)

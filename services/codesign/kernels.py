@@ -44,6 +44,7 @@ _SHAPING_SOURCES = (
     "arm.py",
     "collocation.py",
     "forward_dynamics.py",
+    "friction.py",
     "interval.py",
     "inverse_dynamics.py",
     "kernels.py",
@@ -170,7 +171,8 @@ def library_key(robot: Robot, form: Any, modules: Iterable[str]) -> str:
 
 def _shaping_numbers(robot: Robot) -> dict[str, Any]:
     """What of a robot becomes code. Gear ratios and limits do not: they are parameters."""
-    names = ("gravity", "screw_axes", "link_com_home", "link_mass", "link_inertia", "motor_position", "tool_home")
+    bodies = ("gravity", "screw_axes", "link_com_home", "link_mass", "link_inertia", "motor_position", "tool_home")
+    names = (*bodies, "viscous_friction", "coulomb_friction")
     return {name: np.asarray(getattr(robot, name)).tolist() for name in names}
 
 

@@ -19,6 +19,7 @@ from services.codesign.arm import build_arm
 from services.codesign.collocation import DEGREES
 from services.codesign.energy import kinetic_energy, potential_energy
 from services.codesign.forward_dynamics import forward_dynamics
+from services.codesign.friction import friction_torque
 from services.codesign.kernels import build_library, default_cache, library_key
 from services.codesign.motion import Motion, motors_of_design
 from services.codesign.motor import MotorParameters, motor_torque, steady_voltages
@@ -41,6 +42,7 @@ _SHAPING_SOURCES = (
     "arm.py",
     "energy.py",
     "forward_dynamics.py",
+    "friction.py",
     "kernels.py",
     "mass_matrix.py",
     "motor.py",
@@ -63,6 +65,7 @@ class Energies:
     field_change: float  # of 3/4 L (i_d^2 + i_q^2)
     shaft: float  # integral of torque times rotor speed
     mechanical_change: float  # of kinetic and potential energy
+    friction: float  # integral of friction torque times joint speed, >= 0
     recovered: np.ndarray  # (n,) per motor, >= 0: what flows back while its electrical power is negative
     effort: float  # integral of u'u [V2 s]
 
@@ -100,7 +103,7 @@ def replay(problem: Problem, design: np.ndarray, motion: Motion, law: VoltageLaw
     coefficients[:, : law.voltage_q.shape[1], n:] = law.voltage_q
     widths = np.diff(law.breaks)
 
-    states, quadratures = np.empty((N, len(share), 4 * n)), np.zeros(4 + n)
+    states, quadratures = np.empty((N, len(share), 4 * n)), np.zeros(5 + n)
     state = np.concatenate([motion.position[0], motion.speed[0], motion.current_d[0], motion.current_q[0]])
     for w in range(N):
         parameters = np.concatenate([given, [widths[w]], coefficients[w].ravel()])
@@ -131,7 +134,8 @@ def replay(problem: Problem, design: np.ndarray, motion: Motion, law: VoltageLaw
             field_change=float(change[0]),
             shaft=float(quadratures[2]),
             mechanical_change=float(change[1]),
-            recovered=quadratures[4:],
+            friction=float(quadratures[4]),
+            recovered=quadratures[5:],
             effort=float(quadratures[3]),
         ),
     )
@@ -217,8 +221,9 @@ def _functions(robot: Robot) -> dict[str, ca.Function]:
     rates = width * ca.vertcat(qd, qdd, (u_d - steady_d) / motor.inductance, (u_q - steady_q) / motor.inductance)
     power = 1.5 * (u_d * i_d + u_q * i_q)
     copper = 1.5 * motor.phase_resistance * (i_d**2 + i_q**2)
+    friction = ca.densify(ca.dot(friction_torque(arm, qd), qd))
     quadratures = width * ca.vertcat(
-        ca.sum1(power), ca.sum1(copper), ca.dot(torque, omega), ca.dot(u, u), ca.fmax(-power, 0)
+        ca.sum1(power), ca.sum1(copper), ca.dot(torque, omega), ca.dot(u, u), friction, ca.fmax(-power, 0)
     )
     energy = kinetic_energy(arm, q, qd) + potential_energy(arm, q)
     return {
@@ -250,5 +255,6 @@ def _integrator(plant: Plant, share: tuple[float, ...]) -> ca.Function:
     p = ca.MX.sym("p", plant.slopes.size1_in(2))
     rates, quadratures = plant.slopes(t, x, p)
     system = {"t": t, "x": x, "p": p, "ode": rates, "quad": quadratures}
-    options = {"abstol": TOLERANCE, "reltol": TOLERANCE}
+    # The energies count in the choice of steps: a fast motion of one joint turns over far more than its states show.
+    options = {"abstol": TOLERANCE, "reltol": TOLERANCE, "quad_err_con": True}
     return ca.integrator("replay", "cvodes", system, 0, list(share[1:]), options)

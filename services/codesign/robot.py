@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.resources import files
 from typing import Any
 
@@ -31,6 +31,16 @@ _WIRE = {
     "gear_ratio": "gear_ratio",
 }
 """Fields of `Robot` that are arrays of the robot JSON, with their names there."""
+
+_WIRE_DEFAULTS = {
+    "viscous_friction": ("viscous_friction_Nms_rad", 0.0),
+    "coulomb_friction": ("coulomb_friction_Nm", 0.0),
+    "joint_speed_bound": ("joint_speed_limit_rad_s", np.inf),
+}
+"""Fields with one number a joint that may be left out, as a whole or (null) for a joint: names there, and defaults."""
+
+LARGEST = 1e9
+"""Of any number in a robot: far beyond any arm, and safe to multiply."""
 
 _WIRE_LIMITS, _WIRE_SPEED = "joint_position_limit_rad", "rotor_speed_limit_rad_s"
 _WIRE_TEXTS = ("name", "description", "source")
@@ -61,8 +71,14 @@ class Robot:
     joint_lower: np.ndarray  # (n,) rad
     joint_upper: np.ndarray  # (n,) rad
     rotor_speed_limit: float  # rad/s
+    viscous_friction: np.ndarray = field(default_factory=lambda: np.empty(0))  # (n,) N m s/rad at the joint; default 0
+    coulomb_friction: np.ndarray = field(default_factory=lambda: np.empty(0))  # (n,) N m at the joint; default 0
+    joint_speed_bound: np.ndarray = field(default_factory=lambda: np.empty(0))  # (n,) rad/s; default infinite
 
     def __post_init__(self) -> None:
+        for name, (_, default) in _WIRE_DEFAULTS.items():
+            if getattr(self, name).size == 0:
+                object.__setattr__(self, name, _read_only(np.full(self.gear_ratio.size, default)))
         self._check_shapes()
         self._check_geometry()
         self._check_bodies()
@@ -73,6 +89,12 @@ class Robot:
             raise RobotError(_WIRE_LIMITS, f"{limits}: each lower limit must lie below its upper one")
         if not 0 < self.rotor_speed_limit < np.inf:
             raise RobotError(_WIRE_SPEED, f"{self.rotor_speed_limit}: must be finite and above 0")
+        for name in ("viscous_friction", "coulomb_friction"):
+            if not (getattr(self, name) >= 0).all():
+                wire, _ = _WIRE_DEFAULTS[name]
+                raise RobotError(wire, f"{getattr(self, name).tolist()}: must not be negative")
+        if not (self.joint_speed_bound > 0).all():
+            raise RobotError("joint_speed_limit_rad_s", f"{self.joint_speed_bound.tolist()}: must be above 0")
 
     def _check_shapes(self) -> None:
         n = self.joints
@@ -92,8 +114,14 @@ class Robot:
             array, wire = getattr(self, name), _WIRE.get(name, _WIRE_LIMITS)
             if array.shape != shape:
                 raise RobotError(wire, f"shape {array.shape}, but {n} joints need {shape}")
-            if not np.isfinite(array).all():
-                raise RobotError(wire, "every entry must be a finite number")
+            if not (np.abs(array) <= LARGEST).all():
+                raise RobotError(wire, f"every entry must be a finite number, at most {LARGEST:g} in size")
+        for name, (wire, _) in _WIRE_DEFAULTS.items():
+            array = getattr(self, name)
+            if array.shape != (n,):
+                raise RobotError(wire, f"shape {array.shape}, but {n} joints need {(n,)}")
+            if not (np.isposinf(array) | (np.abs(array) <= LARGEST)).all():
+                raise RobotError(wire, f"every entry must be a number, at most {LARGEST:g} in size")
 
     def _check_geometry(self) -> None:
         axes, moments = self.screw_axes[:, :3], self.screw_axes[:, 3:]
@@ -135,8 +163,8 @@ class Robot:
 
     @property
     def joint_speed_limit(self) -> np.ndarray:
-        """|qd| allowed by the rotor speed limit and the gears, shape (n,), rad/s  (eq. 5c)."""
-        limit: np.ndarray = self.rotor_speed_limit / np.abs(self.gear_ratio)
+        """|qd| allowed by the rotor speed limit and the gears, and by the joints, shape (n,), rad/s  (eq. 5c)."""
+        limit: np.ndarray = np.minimum(self.rotor_speed_limit / np.abs(self.gear_ratio), self.joint_speed_bound)
         return limit
 
     @classmethod
@@ -151,8 +179,9 @@ class Robot:
         needed = ("name", *_WIRE.values(), _WIRE_LIMITS, _WIRE_SPEED)
         if missing := [key for key in needed if key not in wire]:
             raise RobotError(missing[0], "missing")
-        if unknown := set(wire) - set(needed) - set(_WIRE_TEXTS):
-            raise RobotError(min(unknown), f"unknown; known are {', '.join([*needed, *_WIRE_TEXTS[1:]])}")
+        optional = [*_WIRE_TEXTS[1:], *(key for key, _ in _WIRE_DEFAULTS.values())]
+        if unknown := set(wire) - set(needed) - set(optional):
+            raise RobotError(min(unknown), f"unknown; known are {', '.join([*needed, *optional])}")
         limits = _array(wire, _WIRE_LIMITS)
         if limits.ndim != 2 or limits.shape[1] != 2:
             raise RobotError(_WIRE_LIMITS, f"shape {limits.shape}, but each joint needs a lower and an upper limit")
@@ -162,6 +191,11 @@ class Robot:
             joint_upper=limits[:, 1],
             rotor_speed_limit=float(_array(wire, _WIRE_SPEED, dimensions=0)),
             **{name: _array(wire, key) for name, key in _WIRE.items()},
+            **{
+                name: _array({key: _filled(wire[key], default)}, key)
+                for name, (key, default) in _WIRE_DEFAULTS.items()
+                if wire.get(key) is not None
+            },
         )
 
     @classmethod
@@ -174,12 +208,21 @@ def _array(wire: Mapping[str, Any], key: str, dimensions: int | None = None) -> 
     """The numbers of a field, read-only."""
     try:
         array = np.array(wire[key], dtype=float)
-    except (TypeError, ValueError) as not_numbers:
+    except (TypeError, ValueError, OverflowError) as not_numbers:
         raise RobotError(key, "must be numbers, in rows of equal length") from not_numbers
     if dimensions is not None and array.ndim != dimensions:
         raise RobotError(key, f"{wire[key]}: must have {dimensions} dimensions")
     if array.size == 0:
         raise RobotError(key, "must not be empty")
+    return _read_only(array)
+
+
+def _filled(values: Any, default: float) -> Any:
+    """A list with its nulls replaced."""
+    return [default if value is None else value for value in values] if isinstance(values, list) else values
+
+
+def _read_only(array: np.ndarray) -> np.ndarray:
     array.setflags(write=False)
     return array
 

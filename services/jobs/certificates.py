@@ -104,6 +104,7 @@ def _balances(certificate: Certificate) -> dict[str, Any] | None:
         "mechanical": {
             "shaft_J": e.shaft,
             "kinetic_and_potential_change_J": e.mechanical_change,
+            "friction_J": e.friction,
             **_closure(mechanical),
         },
     }

@@ -10,7 +10,8 @@ import numpy as np
 
 from services.codesign.feasible_motor import motor_obstacle
 from services.codesign.motor_data import MotorData, MotorDataError
-from services.codesign.robot import Robot, RobotError, preset_names, preset_wire
+from services.codesign.robot import Robot, preset_names, preset_wire
+from services.jobs.inline_robot import inline_robot, read_robot
 from services.jobs.resolved import SHARED, ResolvedApplication, ResolvedTask
 from shared.contracts.application import (
     ApplicationRequest,
@@ -73,7 +74,7 @@ def resolve(request: ApplicationRequest, find_robot: RobotLookup, max_tasks: int
 
 def _robot(given: str | dict[str, Any], find_robot: RobotLookup) -> tuple[dict[str, Any], Robot]:
     if isinstance(given, dict):
-        wire: Mapping[str, Any] | None = given
+        wire: Mapping[str, Any] | None = inline_robot(given, "robot")
     elif given in preset_names():
         wire = preset_wire(given)
     else:
@@ -83,10 +84,7 @@ def _robot(given: str | dict[str, Any], find_robot: RobotLookup) -> tuple[dict[s
         raise InvalidInputError(
             [FieldError("robot", given, f"unknown robot; presets are {known}; others need an upload")]
         )
-    try:
-        return dict(wire), Robot.from_wire(wire)
-    except RobotError as error:
-        raise InvalidInputError([FieldError(f"robot.{error.field}", None, error.reason)]) from error
+    return dict(wire), read_robot(wire, "robot")
 
 
 def _motor(request: MotorRequest) -> MotorData:

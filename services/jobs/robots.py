@@ -7,11 +7,11 @@ from typing import Any
 
 from sqlalchemy import Engine, select
 
-from services.codesign.robot import Robot, RobotError, preset_names, preset_wire
+from services.codesign.robot import preset_names, preset_wire
+from services.jobs.inline_robot import inline_robot, read_robot
 from services.jobs.owners import Owner, owned_by
 from services.jobs.submit import find_robot
 from services.jobs.views import NotFoundError
-from shared.contracts.errors import FieldError, InvalidInputError
 from shared.db.engine import reading, transaction
 from shared.db.tables import UploadedRobot
 from shared.domain import new_id
@@ -43,18 +43,31 @@ def get_robot(engine: Engine, robot_id: str) -> Mapping[str, Any]:
 
 
 def upload_robot(engine: Engine, wire: Mapping[str, Any], owner: Owner = None) -> str:
-    """Store a robot; returns its id.
+    """Store a robot, given in the robot format or as a URDF with settings; returns its id.
 
     Raises
     ------
     InvalidInputError
         When it does not describe an arm.
     """
-    try:
-        robot = Robot.from_wire(wire)
-    except RobotError as error:
-        raise InvalidInputError([FieldError(error.field, None, error.reason)]) from error
-    row = UploadedRobot(id=new_id(), name=robot.name, wire=dict(wire), owner=owner)
+    wire = inline_robot(wire)
+    row = UploadedRobot(id=new_id(), name=read_robot(wire).name, wire=dict(wire), owner=owner)
     with transaction(engine) as session:
         session.add(row)
     return row.id
+
+
+def delete_robot(engine: Engine, robot_id: str) -> None:
+    """Forget an upload. Applications that were submitted with it keep their copy of it.
+
+    Raises
+    ------
+    NotFoundError
+        There is no such upload; presets stay.
+    """
+    with transaction(engine) as session:
+        row = session.get(UploadedRobot, robot_id)
+        if row is None:
+            preset = robot_id in preset_names()
+            raise NotFoundError(f"{robot_id} is a preset" if preset else f"there is no robot {robot_id}")
+        session.delete(row)

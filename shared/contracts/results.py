@@ -148,10 +148,11 @@ class ElectricalBalance(BaseModel):
 
 
 class MechanicalBalance(BaseModel):
-    """Shaft work = change of kinetic and potential energy, rotors included, on the replay."""
+    """Shaft work = change of kinetic and potential energy, rotors included, + friction at the joints, on the replay."""
 
     shaft_J: float
     kinetic_and_potential_change_J: float
+    friction_J: float = Field(0.0, description="lost at the joints")
     residual_J: float
     turned_over_J: float = Field(description="sum of the sizes of the terms")
     closed: bool = Field(description="residual within 1e-6 of what was turned over")

@@ -11,6 +11,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from api.app import create_app
+from armature.application_file import read_application
 from shared.db.migrate import upgrade
 from shared.settings import Settings
 from tests.service.requests import HOME, POSE, body, grid
@@ -150,8 +151,6 @@ def test_a_robot_that_is_no_arm(client: TestClient) -> None:
 
 
 def test_examples_are_accepted(client: TestClient) -> None:
-    import yaml
-
     for path in sorted((Path(__file__).parents[2] / "examples").glob("*.yaml")):
-        answer = client.post("/v1/applications", json=yaml.safe_load(path.read_text()))
+        answer = client.post("/v1/applications", json=read_application(path))
         assert answer.status_code == 202, f"{path.name}: {answer.text}"
