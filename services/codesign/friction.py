@@ -1,4 +1,4 @@
-"""Friction at the joints: viscous, and Coulomb in a smooth form  (MODEL section 3, departure 13 of docs/model.md)."""
+"""Friction at the joints: viscous, and Coulomb in a smooth form: departure 13 (docs/model.md)."""
 
 from __future__ import annotations
 

@@ -115,7 +115,7 @@ def _parsed(text: str) -> Element:
     if len(text) > LARGEST_TEXT:
         raise _refusal(f"{len(text)} characters: at most {LARGEST_TEXT}")
     try:
-        root: Element = fromstring(text.encode("utf-8", "replace"), forbid_dtd=True)
+        root: Element = fromstring(text.encode(), forbid_dtd=True)
     except DefusedXmlException as error:
         raise _refusal("must have no document type and no entities") from error
     except (ParseError, ValueError, LookupError) as error:  # an encoding that does not exist is a LookupError
