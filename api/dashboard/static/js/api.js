@@ -22,6 +22,15 @@ export const get = (path, signal) => answer(path, { signal });
 export const post = (path) => answer(path, { method: "POST" });
 export const remove = (path) => answer(path, { method: "DELETE" });
 
+
+/** Show a key; the answer is a cookie. @param {string} key */
+export const logIn = (key) =>
+  answer("/v1/session", {
+    method: "POST",
+    body: JSON.stringify({ key }),
+    headers: { "content-type": "application/json" },
+  });
+
 /** What is not there yet is null, and anything else wrong is thrown. */
 export async function getIfThere(path, signal) {
   try {

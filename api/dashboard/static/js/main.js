@@ -2,11 +2,14 @@
 
 import { announce } from "./announce.js";
 import { h, replace } from "./dom.js";
+import { installLogout, showLogout } from "./logout.js";
+import { loginPage } from "./pages/login.js";
 import { failure } from "./parts/failure.js";
 import { place } from "./router.js";
 import { installThemeToggle } from "./theme-toggle.js";
 
 const main = document.getElementById("main");
+const logout = document.getElementById("logout");
 let leaving = new AbortController();
 let shownPath = null;
 
@@ -28,6 +31,11 @@ async function navigate() {
     present(at.path, page.title, page.element);
   } catch (error) {
     if (signal.aborted) return;
+    if (error.status === 401) {
+      const login = loginPage(() => Promise.all([navigate(), showLogout(logout)]));
+      present(at?.path, login.title, login.element);
+      return;
+    }
     present(at?.path, "Not shown", h("div", { class: "page" }, h("h1", {}, "This cannot be shown"), failure(error)));
   }
 }
@@ -44,6 +52,7 @@ function present(path, title, element) {
 }
 
 installThemeToggle(document.getElementById("theme"));
+installLogout(logout, navigate);
 document.getElementById("skip").addEventListener("click", (event) => {
   event.preventDefault();
   main.focus();
