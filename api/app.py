@@ -13,6 +13,7 @@ from api import dashboard
 from api.access import Access, owned
 from api.context import Context
 from api.errors import install_error_handlers
+from api.rate_limit import RateLimit
 from api.request_log import RequestLog
 from api.routers import applications, events, health, results, robots, session
 from api.too_large import TooLarge
@@ -50,6 +51,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(YamlBodies)
     app.add_middleware(RequestBodyLimitMiddleware, max_body_size=settings.max_body_bytes)
     app.add_middleware(TooLarge, most=settings.max_body_bytes)
+    app.add_middleware(RateLimit, per_minute=settings.rate_per_minute)
     app.add_middleware(Access, context=context)
     app.add_middleware(RequestLog)
     for router in (applications.router, events.router, results.router, robots.router):

@@ -13,6 +13,7 @@ from fastapi.responses import JSONResponse
 from sqlalchemy.exc import OperationalError
 from starlette.exceptions import HTTPException
 
+from services.jobs.limits import QueueFullError
 from services.jobs.retry import NotRetryableError
 from services.jobs.submit import IdempotencyConflictError
 from services.jobs.views import NotFoundError
@@ -22,6 +23,7 @@ log = structlog.get_logger()
 
 MEDIA_TYPE = "application/problem+json"
 MOST_ERRORS = 20
+QUEUE_FULL_RETRY_S = "30"
 
 
 def problem(
@@ -63,6 +65,10 @@ def install_error_handlers(app: FastAPI) -> None:
     @app.exception_handler(NotFoundError)
     async def _not_found(_request: Request, error: NotFoundError) -> JSONResponse:
         return problem(404, str(error))
+
+    @app.exception_handler(QueueFullError)
+    async def _full(_request: Request, error: QueueFullError) -> JSONResponse:
+        return problem(429, str(error), [error.error], {"Retry-After": QUEUE_FULL_RETRY_S})
 
     @app.exception_handler(IdempotencyConflictError)
     @app.exception_handler(NotRetryableError)

@@ -50,7 +50,15 @@ class Settings(BaseSettings):
     """How long a browser that showed a key stays logged in."""
 
     max_body_bytes: int = Field(2_000_000, ge=1)
+    """Largest body of a request."""
     max_tasks: int = Field(2_000, ge=1)
+    """Most tasks of one application."""
+    max_points: int = Field(2_000, ge=1)
+    """Most collocation points of a trajectory whose transcription is asked for (degree times intervals)."""
+    max_queued_jobs: int = Field(20_000, ge=1)
+    """Most jobs that wait or run for one key, or for everybody where no keys are asked for."""
+    rate_per_minute: int = Field(12_000, ge=0)
+    """Most requests a minute of one key (of one address, without keys) in each API process; 0: no limit."""
 
     @model_validator(mode="before")
     @classmethod

@@ -10,6 +10,7 @@ from typing import Any
 from sqlalchemy import Engine, select
 from sqlalchemy.exc import IntegrityError
 
+from services.jobs.limits import refuse_long_trajectories, refuse_when_full
 from services.jobs.owners import Owner, owned_by
 from services.jobs.plan import plan_first
 from services.jobs.resolve import resolve
@@ -46,6 +47,8 @@ def submit(
         Nothing was stored.
     IdempotencyConflictError
         The key belongs to another request.
+    QueueFullError
+        The owner has too many jobs in the queue already.
     """
     body = request.model_dump(mode="json")
     request_hash = hashlib.sha256(json.dumps(body, sort_keys=True).encode()).hexdigest()
@@ -54,6 +57,8 @@ def submit(
     if idempotency_key is not None and (earlier := _earlier(engine, idempotency_key, request_hash)):
         return earlier, False
     resolved = resolve(request, lambda robot_id: find_robot(engine, robot_id, owner), settings.max_tasks)
+    refuse_long_trajectories(settings, resolved)
+    first = plan_first(resolved)
     application = Application(
         id=new_id(),
         name=request.name,
@@ -69,9 +74,10 @@ def submit(
     )
     try:
         with transaction(engine) as session:
+            refuse_when_full(session, settings, owner, len(first.jobs))
             session.add(application)
             session.flush()
-            open_stage(session, application, plan_first(resolved))
+            open_stage(session, application, first)
     except IntegrityError:
         if idempotency_key is None:
             raise
