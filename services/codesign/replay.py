@@ -1,8 +1,9 @@
 """Replay: a motion's voltages through an accurate integrator that knows nothing of the transcription.
 
 The arm by the corrected Algorithm 1, the currents by eq. (1) as they stand, and beside them the energies as
-quadratures  (MODEL section 5). CVODES (backward differentiation of variable order and step) starts afresh at every
-interval, where the voltages jump or have a kink.
+quadratures  (MODEL section 5). Steps start afresh at every interval, where the voltages jump or have a kink. They are
+explicit, of order 8, where that is cheap, which is nearly always: an interval lasts some time constants of a winding.
+A stiff interval goes to CVODES (backward differentiation of variable order and step, implicit).
 """
 
 from __future__ import annotations
@@ -25,12 +26,16 @@ from services.codesign.motion import Motion, motors_of_design
 from services.codesign.motor import MotorParameters, motor_torque, steady_voltages
 from services.codesign.problem import Problem
 from services.codesign.robot import Robot
+from services.codesign.runge_kutta import Stepper, step_function
 from services.codesign.voltage_law import VoltageLaw
 
 Expression = Any
 
 TOLERANCE = 1e-9
-"""Absolute (rad, rad/s, A) and relative, of the integrator."""
+"""Absolute (rad, rad/s, A) and relative, of the integrators."""
+
+ENERGY_TOLERANCE = 1e-8
+"""Absolute (J, V2 s) and relative, of the quadratures of a step."""
 
 SAMPLES = 20
 """Equal parts of each interval at whose ends the replay is looked at, besides the motion's own points."""
@@ -48,6 +53,7 @@ _SHAPING_SOURCES = (
     "motor.py",
     "replay.py",
     "robot.py",
+    "runge_kutta.py",
     "spatial.py",
 )
 
@@ -96,7 +102,6 @@ def replay(problem: Problem, design: np.ndarray, motion: Motion, law: VoltageLaw
     n, N = problem.robot.joints, law.intervals
     plant = load_plant(problem.robot)
     share = _shares(problem.layout.collocation.points)
-    integrator = _integrator(plant, tuple(share.tolist()))
     given = _given(problem, design)
     coefficients = np.zeros((N, COEFFICIENTS, 2 * n))
     coefficients[:, : law.voltage_d.shape[1], :n] = law.voltage_d
@@ -107,17 +112,18 @@ def replay(problem: Problem, design: np.ndarray, motion: Motion, law: VoltageLaw
     state = np.concatenate([motion.position[0], motion.speed[0], motion.current_d[0], motion.current_q[0]])
     for w in range(N):
         parameters = np.concatenate([given, [widths[w]], coefficients[w].ravel()])
+        steps = plant.stepper.cross(state, quadratures, parameters)
+        if steps is not None:
+            states[w], state, quadratures = steps.at(share), steps.end, steps.totals
+            continue
         try:
-            end = integrator(x0=state, p=parameters)
+            states[w], change = cross_implicitly(plant, state, parameters, share)
         except RuntimeError as error:
             raise ReplayError(f"the integrator stopped in interval {w + 1} of {N}") from error
-        states[w, 0] = state
-        states[w, 1:] = end["xf"].full().T
-        state = states[w, -1]
-        quadratures += end["qf"].full()[:, -1]
+        state, quadratures = states[w, -1], quadratures + change
     voltage_d, voltage_q = law.at(share)
     position, speed, current_d, current_q = np.split(states, 4, axis=2)
-    change = _state_energies(plant, given, problem, design, states[-1, -1])
+    change = _state_energies(plant, given, problem, design, state)
     change = change - _state_energies(plant, given, problem, design, states[0, 0])
     return Replay(
         share=share,
@@ -170,11 +176,13 @@ class Plant:
     """The arm and its motors under given voltages, as functions; `slopes` integrates over an interval's share 0..1.
 
     - slopes: (share, state (4n,), parameters) -> (d state / d share, d quadratures / d share)
+    - stepper: crosses intervals by `slopes`
     - energy: (q, qd, what is given) -> kinetic plus potential energy [J]
     """
 
     joints: int
     slopes: ca.Function
+    stepper: Stepper
     energy: ca.Function
 
 
@@ -188,10 +196,11 @@ def load_plant(robot: Robot, cache: Path | None = None) -> Plant:
     if (key, folder) not in _PLANTS:
         library = folder / f"{key}.so"
         if build_library(library, lambda: _functions(robot)):
-            functions = {name: ca.external(name, str(library)) for name in ("slopes", "energy")}
+            functions = {name: ca.external(name, str(library)) for name in ("slopes", "step", "energy")}
         else:
             functions = _functions(robot)
-        _PLANTS[key, folder] = Plant(robot.joints, functions["slopes"], functions["energy"])
+        stepper = Stepper(functions["slopes"], functions["step"])
+        _PLANTS[key, folder] = Plant(robot.joints, functions["slopes"], stepper, functions["energy"])
     return _PLANTS[key, folder]
 
 
@@ -226,8 +235,10 @@ def _functions(robot: Robot) -> dict[str, ca.Function]:
         ca.sum1(power), ca.sum1(copper), ca.dot(torque, omega), ca.dot(u, u), friction, ca.fmax(-power, 0)
     )
     energy = kinetic_energy(arm, q, qd) + potential_energy(arm, q)
+    slopes = ca.Function("slopes", [share, x, p], [rates, quadratures], {"cse": True})
     return {
-        "slopes": ca.Function("slopes", [share, x, p], [rates, quadratures], {"cse": True}),
+        "slopes": slopes,
+        "step": step_function(slopes, TOLERANCE, ENERGY_TOLERANCE),
         "jac_slopes": _jacobian(share, x, p, rates, quadratures),
         "energy": ca.Function("energy", [q, qd, given], [energy], {"cse": True}),
     }
@@ -247,6 +258,14 @@ def _jacobian(
     ]
     results = [ca.SX.sym(f"result_{k}", output.shape[0]) for k, output in enumerate((rates, quadratures))]
     return ca.Function("jac_slopes", [share, x, p, *results], blocks, {"cse": True})
+
+
+def cross_implicitly(
+    plant: Plant, state: np.ndarray, parameters: np.ndarray, share: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """States at shares (m, 4n) and the quadratures over an interval, by CVODES; RuntimeError when it gives up."""
+    end = _integrator(plant, tuple(share.tolist()))(x0=state, p=parameters)
+    return np.vstack([state, end["xf"].full().T]), end["qf"].full()[:, -1]
 
 
 @lru_cache(maxsize=16)

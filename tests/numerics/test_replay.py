@@ -11,8 +11,9 @@ from services.codesign.accuracy import FIRST, MOST_INTERVALS, refined, solve_acc
 from services.codesign.certify import BALANCE_TOLERANCE, Certificate, Growth, LimitCheck, certify
 from services.codesign.motion import Motion
 from services.codesign.problem import Accuracy, Problem, Task, Transcription
-from services.codesign.replay import ReplayError, replay
+from services.codesign.replay import ReplayError, cross_implicitly, replay
 from services.codesign.robot import Robot
+from services.codesign.runge_kutta import Stepper
 from services.codesign.solve import Solution, SolverOptions, solve
 from services.codesign.solver import STOPPED
 from services.codesign.voltage_law import VoltageLaw, path_of, voltage_law
@@ -66,6 +67,42 @@ def test_both_energy_balances_close_on_an_arm_without_symmetry(seed):
     assert e.shaft == pytest.approx(e.mechanical_change, abs=BALANCE_TOLERANCE * turned_over)
     assert e.copper > 0
     assert np.abs(e.mechanical_change) > 1e-3 * turned_over, "nothing moved: the test says nothing"
+
+
+EXPLICIT = 1e-6
+"""Absolute (rad, rad/s, A): what CVODES at 1e-9 adds up over some 3000 steps; the explicit one is closer by far."""
+
+
+def test_explicit_steps_follow_the_implicit_integrator(solution, monkeypatch):
+    """Two methods that have nothing in common, on solved motions."""
+    law = voltage_law(solution.problem, solution.design, solution.motion)
+    explicit = replay(solution.problem, solution.design, solution.motion, law)
+    monkeypatch.setattr(Stepper, "cross", lambda *_: None)
+    implicit = replay(solution.problem, solution.design, solution.motion, law)
+    for name in ("position", "speed", "current_d", "current_q"):
+        assert getattr(explicit, name) == pytest.approx(getattr(implicit, name), abs=20 * EXPLICIT), name
+    assert explicit.position == pytest.approx(implicit.position, abs=EXPLICIT)
+    small = 1e-6 * (implicit.energies.copper + abs(implicit.energies.electrical))
+    for name in ("electrical", "copper", "shaft", "effort", "recovered", "mechanical_change"):
+        found, known = getattr(explicit.energies, name), getattr(implicit.energies, name)
+        assert found == pytest.approx(known, rel=1e-6, abs=small), name
+
+
+def test_a_stiff_interval_is_crossed_implicitly(monkeypatch):
+    """Intervals of a second, hundreds of time constants of the winding: more steps than the explicit method gets."""
+    crossed = []
+
+    def seen(*arguments):
+        crossed.append(True)
+        return cross_implicitly(*arguments)
+
+    monkeypatch.setattr("services.codesign.replay.cross_implicitly", seen)
+    law = constant_law(2.0, 2, np.array([U_D]), np.array([U_Q]))
+    found = replay(problem_of(pendulum()), DESIGN[None], started(STARTS[0]), law)
+    assert crossed, "explicit steps were enough: the test says nothing"
+    end = np.concatenate([x[-1, -1] for x in (found.position, found.speed, found.current_d, found.current_q)])
+    exact = pendulum_end(STARTS[0], 2.0, current_control=False)
+    assert end == pytest.approx(exact, rel=10 * INTEGRATED, abs=10 * INTEGRATED * np.abs(exact).max())
 
 
 def test_a_motion_that_leaves_all_bounds_is_said_to():
