@@ -26,7 +26,7 @@ from services.codesign.motion import Motion, motors_of_design
 from services.codesign.motor import MotorParameters, motor_torque, steady_voltages
 from services.codesign.problem import Problem
 from services.codesign.robot import Robot
-from services.codesign.runge_kutta import Stepper, step_function
+from services.codesign.runge_kutta import FIRST_STEP, Stepper, step_function
 from services.codesign.voltage_law import VoltageLaw
 
 Expression = Any
@@ -110,11 +110,12 @@ def replay(problem: Problem, design: np.ndarray, motion: Motion, law: VoltageLaw
 
     states, quadratures = np.empty((N, len(share), 4 * n)), np.zeros(5 + n)
     state = np.concatenate([motion.position[0], motion.speed[0], motion.current_d[0], motion.current_q[0]])
+    step = FIRST_STEP
     for w in range(N):
         parameters = np.concatenate([given, [widths[w]], coefficients[w].ravel()])
-        steps = plant.stepper.cross(state, quadratures, parameters)
+        steps = plant.stepper.cross(state, quadratures, parameters, step)
         if steps is not None:
-            states[w], state, quadratures = steps.at(share), steps.end, steps.totals
+            states[w], state, quadratures, step = steps.at(share), steps.end, steps.totals, steps.next_step
             continue
         try:
             states[w], change = cross_implicitly(plant, state, parameters, share)

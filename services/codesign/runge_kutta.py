@@ -99,6 +99,7 @@ class Steps:
     polynomials: np.ndarray  # (k, `DENSE`, states)
     end: np.ndarray  # (states,)
     totals: np.ndarray  # (quadratures,) at the end
+    next_step: float  # that would do after it
 
     def at(self, share: np.ndarray) -> np.ndarray:
         """States at shares of the interval, (m,) -> (m, states)."""
@@ -127,19 +128,20 @@ class Stepper:
             _buffer(slopes, [t, y, p], [rates[:states], rates[states:]]),
             _buffer(step, self._in, self._out),
         )
-        self._last_step = FIRST_STEP
 
-    def cross(self, state: np.ndarray, totals: np.ndarray, parameters: np.ndarray) -> Steps | None:
+    def cross(
+        self, state: np.ndarray, totals: np.ndarray, parameters: np.ndarray, step: float = FIRST_STEP
+    ) -> Steps | None:
         """From share 0 to 1; None when `MOST_STEPS` do not suffice, or no step is small enough.
 
-        `state` and `totals` are those at the start.
+        `state` and `totals` are those at the start; `step` is tried first. Nothing is remembered between calls.
         """
         (_, evaluate_slopes), (_, evaluate_step) = self._buffers
         t, y, rates, running, h, p = self._in
         end, end_rates, end_totals, error, dense = self._out
         t[0], y[:], running[:], p[:] = 0.0, state, totals, parameters
         evaluate_slopes()
-        step, taken = self._last_step, []
+        taken = []
         for _ in range(MOST_STEPS):
             start = float(t[0])
             last = step >= 1 - start
@@ -151,11 +153,9 @@ class Stepper:
                 taken.append((start, y.copy(), dense.copy()))
                 step = width * min(GROW, max(SHRINK, SAFETY * max(wrong, TINY) ** EXPONENT))
                 if last:
-                    self._last_step = min(step, 1.0)
                     starts, origins, polynomials = (np.array(part) for part in zip(*taken, strict=True))
-                    return Steps(
-                        starts, origins, polynomials.reshape(len(taken), DENSE, -1), end.copy(), end_totals.copy()
-                    )
+                    polynomials = polynomials.reshape(len(taken), DENSE, -1)
+                    return Steps(starts, origins, polynomials, end.copy(), end_totals.copy(), min(step, 1.0))
                 t[0] = start + width
                 y[:], rates[:], running[:] = end, end_rates, end_totals
             elif wrong > 1:
@@ -164,7 +164,6 @@ class Stepper:
                 break
             if step < LEAST_STEP:
                 break
-        self._last_step = FIRST_STEP
         return None
 
 

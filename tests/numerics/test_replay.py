@@ -89,7 +89,7 @@ def test_explicit_steps_follow_the_implicit_integrator(solution, monkeypatch):
 
 
 def test_a_stiff_interval_is_crossed_implicitly(monkeypatch):
-    """Intervals of a second, hundreds of time constants of the winding: more steps than the explicit method gets."""
+    """Intervals of three seconds, a thousand time constants of the winding: too many explicit steps."""
     crossed = []
 
     def seen(*arguments):
@@ -97,12 +97,19 @@ def test_a_stiff_interval_is_crossed_implicitly(monkeypatch):
         return cross_implicitly(*arguments)
 
     monkeypatch.setattr("services.codesign.replay.cross_implicitly", seen)
-    law = constant_law(2.0, 2, np.array([U_D]), np.array([U_Q]))
+    law = constant_law(6.0, 2, np.array([U_D]), np.array([U_Q]))
     found = replay(problem_of(pendulum()), DESIGN[None], started(STARTS[0]), law)
     assert crossed, "explicit steps were enough: the test says nothing"
     end = np.concatenate([x[-1, -1] for x in (found.position, found.speed, found.current_d, found.current_q)])
-    exact = pendulum_end(STARTS[0], 2.0, current_control=False)
+    exact = pendulum_end(STARTS[0], 6.0, current_control=False)
     assert end == pytest.approx(exact, rel=10 * INTEGRATED, abs=10 * INTEGRATED * np.abs(exact).max())
+
+
+def test_a_replay_does_not_depend_on_the_one_before(solution):
+    law = voltage_law(solution.problem, solution.design, solution.motion)
+    first, second = (replay(solution.problem, solution.design, solution.motion, law) for _ in range(2))
+    assert (first.position == second.position).all()
+    assert first.energies.electrical == second.energies.electrical
 
 
 def test_a_motion_that_leaves_all_bounds_is_said_to():
