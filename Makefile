@@ -11,7 +11,7 @@ READY_TO_DEVELOP := $(VENV)/.ready-to-develop
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test bench lint format lock clean
+.PHONY: help setup demo test bench docs lint format lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -28,6 +28,9 @@ bench: $(READY_TO_DEVELOP) ## measure the solver, and write the tables of docs/p
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.solve_time
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.growth
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.random_tasks
+
+docs: $(READY_TO_DEVELOP) ## the documentation site, into out/site; a broken link or anchor ends it
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet
 
 lint: $(READY_TO_DEVELOP) ## ruff, mypy, import-linter
 	$(BIN)/ruff check .

@@ -248,6 +248,11 @@ class Application:
         """A motion on its grid: the task's own (`own`), or with a method's design (default: the application's)."""
         return Trajectory.model_validate_json(self._get(f"/tasks/{task}/trajectory", {"method": method}))
 
+    def inputs(self) -> dict[str, Any]:
+        """All that the results depend on: robot, motor, tasks and transcription with every default filled in."""
+        found: dict[str, Any] = json.loads(self._get("/inputs"))
+        return found
+
     def cancel(self) -> ApplicationStatus:
         """Ask for an end: queued jobs at once, running ones within a second or two."""
         return ApplicationStatus.model_validate_json(self.client.request("POST", f"{self._path}/cancel").content)

@@ -31,7 +31,7 @@ def save_results(application: Application, out: Path, request: Mapping[str, Any]
     Returns
     -------
     Path
-        The new folder: request.json, application.json, tasks.json, design.json, designs.json, comparison.json, and
+        The new folder: request.json, inputs.json (the request with every default), application.json, tasks.json, design.json, designs.json, comparison.json, and
         trajectories/task-KKK-METHOD.json.
     """
     status = application.status()
@@ -39,6 +39,7 @@ def save_results(application: Application, out: Path, request: Mapping[str, Any]
     (folder / "trajectories").mkdir(parents=True, exist_ok=True)
     (folder / "request.json").write_text(json.dumps(request, indent=1) + "\n", encoding="utf-8")
     tasks = application.tasks()
+    (folder / "inputs.json").write_text(json.dumps(application.inputs(), indent=1) + "\n", encoding="utf-8")
     _write(folder / "application.json", status)
     _write(folder / "tasks.json", TaskList(items=tasks, next_cursor=None))
     _write_if_there(folder / "design.json", application.design)

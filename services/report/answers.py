@@ -22,8 +22,10 @@ from shared.contracts.results import (
 
 Answer = TypeVar("Answer", bound=BaseModel)
 
+INPUTS_FILE = "inputs.json"
+"""The application with every default filled in, its robot in full, beside the answers."""
 REQUEST_FILE = "request.json"
-"""The application as it was submitted, beside the answers."""
+"""The application as it was submitted."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ def read_answers(folder: Path) -> Answers:
     """
     application = ApplicationStatus.model_validate_json((folder / "application.json").read_bytes())
     tasks = TaskList.model_validate_json((folder / "tasks.json").read_bytes())
-    request = _request(folder)
+    request = _request(folder, INPUTS_FILE) or _request(folder, REQUEST_FILE)
     motion = _read(folder / "trajectories" / f"task-{middle_task(tasks):03d}-{application.method}.json", Trajectory)
     return Answers(
         application=application,
@@ -64,7 +66,7 @@ def read_answers(folder: Path) -> Answers:
         designs=_read(folder / "designs.json", DesignsAnswer),
         comparison=_read(folder / "comparison.json", ComparisonAnswer),
         motions=() if motion is None else (motion,),
-        motor=MotorData.from_wire(request.get("motor", {})),
+        motor=MotorData.from_wire({key: value for key, value in request.get("motor", {}).items() if value}),
         robot=robot_of(request.get("robot", application.robot)),
     )
 
@@ -81,8 +83,8 @@ def robot_of(named: str | dict[str, Any]) -> Robot | None:
     return Robot.preset(named) if named in preset_names() else None
 
 
-def _request(folder: Path) -> dict[str, Any]:
-    path = folder / REQUEST_FILE
+def _request(folder: Path, name: str) -> dict[str, Any]:
+    path = folder / name
     request: dict[str, Any] = json.loads(path.read_bytes()) if path.exists() else {}
     return request
 
