@@ -111,7 +111,7 @@ def _type(schema: dict[str, Any]) -> str:
 def _cell(schema: dict[str, Any]) -> str:
     limits = {
         "minimum": "at least", "exclusiveMinimum": "above", "maximum": "at most", "exclusiveMaximum": "below",
-        "minLength": "characters from", "maxLength": "characters up to", "minItems": "items from", 
+        "minLength": "characters from", "maxLength": "characters up to", "minItems": "items from",
         "maxItems": "items up to",
     }  # fmt: skip
     inner = [schema, schema.get("schema", {}), *schema.get("anyOf", [])]
