@@ -31,8 +31,8 @@ def save_results(application: Application, out: Path, request: Mapping[str, Any]
     Returns
     -------
     Path
-        The new folder: request.json, inputs.json (the request with every default), application.json, tasks.json, design.json, designs.json, comparison.json, and
-        trajectories/task-KKK-METHOD.json.
+        The new folder: request.json, inputs.json (the request with every default), application.json, tasks.json,
+        design.json, designs.json, comparison.json, and trajectories/task-KKK-METHOD.json.
     """
     status = application.status()
     folder = out / f"{_file_name(status.name)}-{status.id}"
