@@ -13,6 +13,7 @@ from api import dashboard
 from api.access import Access, owned
 from api.context import Context
 from api.errors import install_error_handlers
+from api.metrics import QueueCollector, RequestMetrics
 from api.rate_limit import RateLimit
 from api.request_log import RequestLog
 from api.routers import applications, events, health, results, robots, session
@@ -54,6 +55,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(RateLimit, per_minute=settings.rate_per_minute)
     app.add_middleware(Access, context=context)
     app.add_middleware(RequestLog)
+    app.add_middleware(RequestMetrics, registry=context.registry)
+    context.registry.register(QueueCollector(context.engine, settings.lease_s))
     for router in (applications.router, events.router, results.router, robots.router):
         app.include_router(router, dependencies=[owned])
     for router in (session.router, health.router):

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, cast
 
 from celery import Celery
 from fastapi import Depends, Request
+from prometheus_client import CollectorRegistry
 from sqlalchemy import Engine
 
 from shared.settings import Settings
@@ -19,6 +20,8 @@ class Context:
     settings: Settings
     engine: Engine
     broker: Celery
+    registry: CollectorRegistry = field(default_factory=CollectorRegistry)
+    """Metrics of this process."""
 
 
 def _context(request: Request) -> Context:

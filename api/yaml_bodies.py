@@ -34,7 +34,10 @@ class YamlBodies:
         except ValueError as error:
             await problem(400, f"the body is not YAML: {error}")(scope, receive, send)
             return
-        await self.app(_json_scope(scope, len(body)), _replay(body, receive), send)
+        inner = _json_scope(scope, len(body))
+        await self.app(inner, _replay(body, receive), send)
+        if "route" in inner:
+            scope["route"] = inner["route"]  # for those outside who count by route
 
 
 def _is_yaml(headers: Headers) -> bool:

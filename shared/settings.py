@@ -41,6 +41,8 @@ class Settings(BaseSettings):
     resend_after_s: float = Field(30.0, gt=0)
     """A published job that nobody claimed is sent again after this time, doubled each time, while the queue is empty
     enough."""
+    stuck_s: float = Field(900.0, gt=0)
+    """A worker is called stuck when a job has waited for so long and none of its processes holds one."""
     solve_time_limit_s: float = Field(600.0, gt=0)
     """Longest time one solve may take."""
 

@@ -15,6 +15,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from services.jobs.outbox import relay
 from services.jobs.sweep import sweep
+from services.jobs.tally import tally
 from shared.db.engine import make_engine
 from shared.dispatch.broker import celery_app, send
 from shared.observability import configure_logging
@@ -33,6 +34,7 @@ def run_relay(settings: Settings, stop: threading.Event) -> None:
             sent = relay(engine, lambda job_id: send(app, RUN_JOB, job_id), settings.resend_after_s)
             if time.monotonic() >= next_sweep:
                 next_sweep = time.monotonic() + settings.sweep_s
+                tally(engine)
                 if recovered := sweep(engine, settings.max_attempts):
                     log.warning("leases expired", jobs=recovered)
             if not sent:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import socket
 import threading
 from dataclasses import dataclass, field
 
@@ -18,13 +16,9 @@ from services.jobs.finish import finish
 from services.jobs.work import load_work
 from shared.settings import Settings
 from worker.drain import drained
+from worker.sign_of_life import worker_name
 
 log = structlog.get_logger()
-
-
-def worker_name() -> str:
-    """Host and process, for people reading the history."""
-    return f"{socket.gethostname()}:{os.getpid()}"
 
 
 def run_job(engine: Engine, settings: Settings, job_id: str) -> None:

@@ -6,12 +6,11 @@ from typing import Any
 
 from fastapi import APIRouter, Response
 from fastapi.responses import JSONResponse
-from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
-from prometheus_client.core import GaugeMetricFamily
+from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from sqlalchemy.exc import SQLAlchemyError
 
 from api.context import Context, Ctx
-from services.jobs.queue import QueueDepth, queue_depth
+from services.jobs.queue import queue_depth
 from shared.db.migrate import current_revision, head_revision
 from shared.dispatch.broker import broker_reachable
 
@@ -54,21 +53,5 @@ def _checks(ctx: Context) -> dict[str, Any]:
 
 @router.get("/metrics")
 def metrics(ctx: Ctx) -> Response:
-    """Prometheus: the queue, from the database."""
-    registry = CollectorRegistry()
-    registry.register(_Collector(queue_depth(ctx.engine)))
-    return Response(generate_latest(registry), media_type=CONTENT_TYPE_LATEST)
-
-
-class _Collector:
-    def __init__(self, depth: QueueDepth) -> None:
-        self.depth = depth
-
-    def collect(self) -> list[GaugeMetricFamily]:
-        """Called by the registry."""
-        jobs = GaugeMetricFamily("armature_jobs", "jobs by state", labels=["state"])
-        jobs.add_metric(["queued"], self.depth.queued)
-        jobs.add_metric(["running"], self.depth.running)
-        age = GaugeMetricFamily("armature_oldest_queued_age_seconds", "age of the oldest queued job")
-        age.add_metric([], self.depth.oldest_queued_age_s)
-        return [jobs, age]
+    """Prometheus: the queue, from the database; requests, of this process."""
+    return Response(generate_latest(ctx.registry), media_type=CONTENT_TYPE_LATEST)

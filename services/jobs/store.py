@@ -117,9 +117,9 @@ def settle(
         _advance(session, application, stage)
 
 
-def requeue(session: Session, application: Application, job: Job) -> None:
-    """Put a running job back into the queue, with a message."""
-    record_transition(session, application, job, JobState.QUEUED)
+def requeue(session: Session, application: Application, job: Job, by: str | None = None) -> None:
+    """Put a running job back into the queue, with a message; `by`: who does it, if not the job's worker."""
+    record_transition(session, application, job, JobState.QUEUED, by)
     job.state, job.lease_until = JobState.QUEUED, None
     session.flush()
     session.execute(update(Outbox).where(Outbox.job_id == job.id).values(due_at=now(), sent=0))

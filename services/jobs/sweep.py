@@ -5,6 +5,7 @@ from __future__ import annotations
 from sqlalchemy import Engine, select
 
 from services.jobs.store import CANCELLED, lock_application, requeue, settle
+from services.jobs.tally import SWEEP
 from shared.db.clock import now
 from shared.db.engine import reading, transaction
 from shared.db.tables import Job
@@ -38,5 +39,5 @@ def _recover(engine: Engine, job_id: str, application_id: str, max_attempts: int
             reason = f"its worker was lost {job.attempts} times"
             settle(session, application, [job], JobState.DEAD, reason)
         else:
-            requeue(session, application, job)
+            requeue(session, application, job, by=SWEEP)
         return True

@@ -53,6 +53,7 @@ class Application(Base):
     __table_args__ = (
         Index("ix_applications_state_id", "state", "id"),
         Index("ix_applications_owner_id", "owner", "id"),
+        Index("ix_applications_finished_at", "finished_at"),
     )
 
     id: Mapped[str] = mapped_column(String(32), primary_key=True)
@@ -226,3 +227,25 @@ class BrowserSession(Base):
     hash: Mapped[str] = mapped_column(String(64), primary_key=True)
     key_id: Mapped[str] = mapped_column(ForeignKey("api_keys.id", ondelete="CASCADE"), index=True)
     expires_at: Mapped[float]
+
+
+class Tally(Base):
+    """Counts for the metrics, kept when what was counted is deleted (`services.jobs.tally`)."""
+
+    __tablename__ = "tallies"
+
+    name: Mapped[str] = mapped_column(String(100), primary_key=True)
+    value: Mapped[float] = mapped_column(default=0.0)
+
+
+class Worker(Base):
+    """A worker's sign of life, one row a process that holds a pool; removed when it has been silent for long."""
+
+    __tablename__ = "workers"
+
+    name: Mapped[str] = mapped_column(String(200), primary_key=True)
+    """Host and process id."""
+    host: Mapped[str] = mapped_column(String(200))
+    processes: Mapped[int]
+    started_at: Mapped[float] = mapped_column(default=now())
+    seen_at: Mapped[float] = mapped_column(default=now())

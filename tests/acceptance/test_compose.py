@@ -64,6 +64,9 @@ def test_each_command_of_the_compose_file(postgres: Server, redis: Server, tmp_p
             "/v1/applications", json={"name": "one", "tasks": [task], "transcription": {"intervals": 20}}
         )
         path = submitted.headers["location"]
+        check = [sys.executable, *SERVICES["worker"]["healthcheck"]["test"][2:]]
+        of_worker = {**os.environ, **environment("worker")}
+        wait_until(lambda: subprocess.run(check, env=of_worker, check=False).returncode == 0)
         wait_until(lambda: http.get(path).json()["state"] == "succeeded")
 
 
