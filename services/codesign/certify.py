@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from services.codesign.measures import Load, load_between_points
 from services.codesign.motion import Motion
 from services.codesign.problem import Accuracy, Problem
 from services.codesign.replay import Energies, Replay, ReplayError, replay
@@ -66,6 +67,7 @@ class Certificate:
     electrical_balance: EnergyBalance | None  # input = copper + field change + shaft
     mechanical_balance: EnergyBalance | None  # shaft = change of kinetic and potential energy + friction
     energies: Energies | None
+    load: Load | None  # of the motors, over the replay
     kkt_residual: float  # scaled; from the program's functions with the multipliers
     constraint_violation: float  # scaled; of the program at the solution
     law: VoltageLaw
@@ -111,6 +113,7 @@ def certify(solution: Solution) -> Certificate:
         electrical_balance=None if found is None else _electrical_balance(found.energies),
         mechanical_balance=None if found is None else _mechanical_balance(found.energies),
         energies=None if found is None else found.energies,
+        load=None if found is None else load_between_points(problem, design, found),
         kkt_residual=solution.kkt_residual,
         constraint_violation=solution.constraint_violation,
         law=law,

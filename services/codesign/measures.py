@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import simpson
 
 from services.codesign.motion import Motion, motors_of_design
 from services.codesign.motor import motor_torque
 from services.codesign.problem import Problem
+from services.codesign.replay import Replay
 
 
 @dataclass(frozen=True)
@@ -20,30 +22,64 @@ class Measures:
     electrical_energy: float  # J, signed
     copper_loss: float  # J
     recovered_energy: np.ndarray  # J per motor, >= 0: what flows back while its electrical power is negative
-    peaks: dict[str, np.ndarray]  # largest share of each limit, per joint
-    rms: dict[str, np.ndarray]  # root mean square share of each limit, per joint
+    load: Load
+
+
+@dataclass(frozen=True)
+class Load:
+    """Shares of the limits, 1 = at the limit, by quantity; each array has shape (n,)."""
+
+    peaks: dict[str, np.ndarray]  # largest
+    rms: dict[str, np.ndarray]  # root mean square over time
 
 
 def measure(problem: Problem, design: np.ndarray, motion: Motion) -> Measures:
-    """Integrate a motion made with `design`, shape (n, 7) [m]."""
-    motor, limits, w = motors_of_design(design, problem), problem.motor, motion.weights[:, None]
+    """Integrate a motion made with `design`, shape (n, 7) [m]; peaks are those of its grid points alone."""
+    motor, w = motors_of_design(design, problem), motion.weights[:, None]
     u_d, u_q, i_d, i_q = motion.voltage_d, motion.voltage_q, motion.current_d, motion.current_q
     power = 1.5 * (u_d * i_d + u_q * i_q)
-    torque_limit = problem.robot.gear_ratio * motor_torque(limits.current_limit, motor, limits.pole_pairs)
-    shares = {
-        "current_d": i_d / limits.current_limit,
-        "current_q": i_q / limits.current_limit,
-        "voltage_d": u_d / limits.voltage_limit,
-        "voltage_q": u_q / limits.voltage_limit,
-        "joint_torque": motion.torque / torque_limit,
-        "rotor_speed": motion.speed / problem.robot.joint_speed_limit,
-    }
+    shares = _shares(problem, design, motion)
     return Measures(
         final_time=motion.final_time,
         effort=float(np.sum(w * (u_d**2 + u_q**2))),
         electrical_energy=float(np.sum(w * power)),
         copper_loss=float(np.sum(w * 1.5 * motor.phase_resistance * (i_d**2 + i_q**2))),
         recovered_energy=np.sum(w * np.maximum(-power, 0), axis=0),
-        peaks={name: np.abs(share).max(axis=0) for name, share in shares.items()},
-        rms={name: np.sqrt(np.sum(w * share**2, axis=0) / motion.final_time) for name, share in shares.items()},
+        load=Load(
+            peaks={name: np.abs(share).max(axis=0) for name, share in shares.items()},
+            rms={name: np.sqrt(np.sum(w * share**2, axis=0) / motion.final_time) for name, share in shares.items()},
+        ),
     )
+
+
+def load_between_points(problem: Problem, design: np.ndarray, found: Replay) -> Load:
+    """What the motors really go through: over the replay's samples, both ends of every interval included.
+
+    Voltages jump and currents swing between the grid points; the grid alone does not see it.
+    """
+    shares = _shares(problem, design, found)
+    duration = found.time[-1, -1] - found.time[0, 0]
+
+    def mean_square(share: np.ndarray) -> np.ndarray:
+        total: np.ndarray = simpson(share**2, x=found.time[:, :, None], axis=1).sum(axis=0)
+        return np.asarray(total / duration)
+
+    return Load(
+        peaks={name: np.abs(share).max(axis=(0, 1)) for name, share in shares.items()},
+        rms={name: np.sqrt(mean_square(share)) for name, share in shares.items()},
+    )
+
+
+def _shares(problem: Problem, design: np.ndarray, x: Motion | Replay) -> dict[str, np.ndarray]:
+    """Every quantity as a share of its limit; the last axis is the joints."""
+    motor, limits = motors_of_design(design, problem), problem.motor
+    # Z times torque over Z times its limit: the gear drops out.
+    torque, torque_limit = (motor_torque(i, motor, limits.pole_pairs) for i in (x.current_q, limits.current_limit))
+    return {
+        "current_d": x.current_d / limits.current_limit,
+        "current_q": x.current_q / limits.current_limit,
+        "voltage_d": x.voltage_d / limits.voltage_limit,
+        "voltage_q": x.voltage_q / limits.voltage_limit,
+        "joint_torque": torque / torque_limit,
+        "rotor_speed": x.speed / problem.robot.joint_speed_limit,
+    }

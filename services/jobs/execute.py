@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from services.codesign.accuracy import solve_accurately
 from services.codesign.certify import Certificate, certify
-from services.codesign.measures import Measures
+from services.codesign.measures import Load, Measures
 from services.codesign.problem import Accuracy, Problem
 from services.codesign.reconcile import mean_design, project_design
 from services.codesign.solution import Solution
@@ -82,6 +85,8 @@ def _solved(work: Work, solution: Solution, certificate: Certificate, wire: dict
     summary = _how(solution) | _measures(solution.measures)
     if certificate.energies is not None:
         summary |= energies_wire(certificate.energies)
+    if certificate.load is not None:
+        summary |= _load(certificate.load)
     summary["certificate"] = wire | {"input_hash": input_hash(work.application, work.spec.task_index, work.design)}
     objective = solution.problem.objective
     if objective.kind == "weighted":
@@ -116,9 +121,17 @@ def _measures(measures: Measures) -> dict[str, Any]:
         "electrical_energy_J": measures.electrical_energy,
         "copper_loss_J": measures.copper_loss,
         "recovered_energy_J": measures.recovered_energy.tolist(),
-        "peaks": {name: values.tolist() for name, values in measures.peaks.items()},
-        "rms": {name: values.tolist() for name, values in measures.rms.items()},
+        "peaks_at_points": _by_name(measures.load.peaks),
+        **_load(measures.load),
     }
+
+
+def _load(load: Load) -> dict[str, Any]:
+    return {"peaks": _by_name(load.peaks), "rms": _by_name(load.rms)}
+
+
+def _by_name(arrays: Mapping[str, np.ndarray]) -> dict[str, list[float]]:
+    return {name: values.tolist() for name, values in arrays.items()}
 
 
 def _reconcile(work: Work) -> Outcome:

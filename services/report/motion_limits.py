@@ -1,4 +1,4 @@
-"""The limits of a motion, found from the wire answers: a result states its peaks as shares of the limits."""
+"""The limits of a motion, found from the wire answers: a result states its peaks at the points as shares."""
 
 from __future__ import annotations
 
@@ -46,7 +46,8 @@ def motion_limits(motion: Trajectory, result: MotionResult, robot: Robot | None)
     robot
         For the joints' ranges; unknown when None.
     """
-    found = {name: _limit(np.array(getattr(motion, series)), result.peaks, name) for name, series in SERIES.items()}
+    shares = result.peaks if result.peaks_at_points is None else result.peaks_at_points
+    found = {name: _limit(np.array(getattr(motion, series)), shares, name) for name, series in SERIES.items()}
     unknown = np.full(found["rotor_speed"].shape, np.nan)
     return MotionLimits(
         joint_speed=found["rotor_speed"],

@@ -224,8 +224,11 @@ class MotionResult(BaseModel):
     electrical_energy_J: float = Field(description="signed; this and the next two on the replay")
     copper_loss_J: float
     recovered_energy_J: list[float] = Field(description="what each motor gives back")
-    peaks: dict[str, list[float]] = Field(description="largest share of each limit, 1 = at the limit")
-    rms: dict[str, list[float]] = Field(description="root mean square share of each limit")
+    peaks: dict[str, list[float]] = Field(description="largest share of each limit, 1 = at the limit; on the replay")
+    rms: dict[str, list[float]] = Field(description="root mean square share of each limit; on the replay")
+    peaks_at_points: dict[str, list[float]] | None = Field(
+        None, description="of the trajectory's grid points alone: a largest value there over this is its limit"
+    )
     certificate: Certificate
     design_mm: list[list[float]] = Field(description="one row a motor: L, R_ro, R_so, h_m, h_sy, w_tooth, b_0")
     solver_status: str

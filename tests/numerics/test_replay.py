@@ -9,7 +9,7 @@ import pytest
 
 from services.codesign.accuracy import FIRST, MOST_INTERVALS, refined, solve_accurately
 from services.codesign.certify import BALANCE_TOLERANCE, Certificate, Growth, LimitCheck, certify
-from services.codesign.motion import Motion
+from services.codesign.motion import Motion, motors_of_design
 from services.codesign.problem import Accuracy, Problem, Task, Transcription
 from services.codesign.replay import ReplayError, cross_implicitly, replay
 from services.codesign.robot import Robot
@@ -171,6 +171,24 @@ def test_certificate_of_current_control_and_of_the_paper(solution):
     assert certificate.energies.effort == pytest.approx(solution.measures.effort, rel=booked)
 
 
+def test_load_is_that_of_the_motion_between_its_points(solution):
+    """Peaks against the limits' own check; squares of currents against the copper loss, integrated otherwise."""
+    problem, certificate = solution.problem, certify(solution)
+    load, resistance = certificate.load, motors_of_design(solution.design, problem).phase_resistance
+    currents = max(load.peaks["current_d"].max(), load.peaks["current_q"].max())
+    assert max(currents - 1, 0) == pytest.approx(certificate.limits["current"].between_points, abs=1e-12)
+    speed_excess = certificate.limits["rotor_speed"].between_points
+    assert max(load.peaks["rotor_speed"].max() - 1, 0) == pytest.approx(speed_excess, abs=1e-12)
+    squares = (load.rms["current_d"] ** 2 + load.rms["current_q"] ** 2) * problem.motor.current_limit**2
+    copper = 1.5 * resistance @ squares * solution.motion.final_time
+    assert copper == pytest.approx(certificate.energies.copper, rel=1e-3)
+    assert load.peaks["joint_torque"] == pytest.approx(load.peaks["current_q"])
+    for name, peaks in solution.measures.load.peaks.items():
+        # The grid's are states of the motion, the load's of its replay.
+        if problem.transcription.degree > 1:
+            assert (load.peaks[name] > peaks - 1e-3).all(), name
+
+
 def test_certificate_sees_a_voltage_that_is_wrong():
     """One percent on one motor in one interval: not of the transcription's making, and found all the same."""
     solution = solved_with_currents()
@@ -203,7 +221,7 @@ def solved_with_currents() -> Solution:
 def certificate_with(growth: Growth, position: float = 0.0, speed: float = 0.0) -> Certificate:
     law = VoltageLaw(np.array([0.0, 1.0]), np.zeros((1, 1, 1)), np.zeros((1, 1, 1)))
     checks = {"current": LimitCheck(0.0, float(growth.excess.max()))}
-    return Certificate(position, speed, 0.0, 0.0, checks, None, None, None, 0.0, 0.0, law, growth)
+    return Certificate(position, speed, 0.0, 0.0, checks, None, None, None, None, 0.0, 0.0, law, growth)
 
 
 def test_intervals_to_blame_are_halved():

@@ -137,6 +137,18 @@ def test_a_script_that_knows_only_the_json_finds_the_same(
             assert here == pytest.approx(there, rel=AGREEMENT, abs=AGREEMENT * min(scale, 100.0)), figure
 
 
+def test_peaks_are_those_between_the_points(finished: Callable[[str], str], database: tuple[Engine, Settings]) -> None:
+    """The paper's motion keeps 3 A at its points and not between them: its result must say so."""
+    result = views.task(database[0], finished("paper"), 0).own
+    assert result is not None
+    assert result.peaks_at_points is not None
+    largest = max(*result.peaks["current_d"], *result.peaks["current_q"])
+    assert max(*result.peaks_at_points["current_d"], *result.peaks_at_points["current_q"]) < 1 + 1e-6
+    assert result.certificate.limits is not None
+    assert largest - 1 == pytest.approx(result.certificate.limits["current"].between_points)
+    assert largest > 1.1
+
+
 @pytest.mark.parametrize("name", ["paper", "moving", "accurate"])
 @pytest.mark.parametrize("method", ["own", "two_step"])
 def test_kkt_residual_is_that_of_the_exported_point(

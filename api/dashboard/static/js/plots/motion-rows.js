@@ -41,7 +41,7 @@ export function motionRows(motion, result, resolved) {
 
 /** Largest torque through its share of the limit; a joint that stands still tells nothing. */
 function torqueLimits(motion, result) {
-  const shares = result?.peaks?.joint_torque ?? [];
+  const shares = (result?.peaks_at_points ?? result?.peaks)?.joint_torque ?? [];
   return motion.joint_torque_Nm[0].map((_, joint) => {
     const largest = Math.max(...motion.joint_torque_Nm.map((row) => Math.abs(row[joint])));
     return shares[joint] > 0 ? largest / shares[joint] : Number.NaN;
