@@ -21,7 +21,7 @@ from urllib.parse import quote
 
 import httpx
 
-from armature.application_file import read_application
+from armature.application_file import read_application, read_robot
 from armature.errors import ServerUnreachableError, problem_of
 from shared.contracts.results import (
     Accepted,
@@ -133,6 +133,31 @@ class Client:
             yield from page.items
             if (cursor := page.next_cursor) is None:
                 return
+
+    def robots(self) -> list[dict[str, str]]:
+        """Presets and uploads: id, name, kind, description."""
+        items: list[dict[str, str]] = json.loads(self._get("/v1/robots"))["items"]
+        return items
+
+    def robot(self, robot_id: str) -> dict[str, Any]:
+        """A preset or an upload in the robot format."""
+        found: dict[str, Any] = json.loads(self._get(f"/v1/robots/{quote(robot_id, safe='')}"))
+        return found
+
+    def upload_robot(self, robot: str | Path | Mapping[str, Any]) -> str:
+        """Keep a robot on the server; returns its id, to be named in applications.
+
+        Parameters
+        ----------
+        robot
+            Path of a file or its content: the robot format, or a URDF (its text, or in a file its name) with settings.
+        """
+        content = dict(robot) if isinstance(robot, Mapping) else read_robot(robot)
+        return str(self.request("POST", "/v1/robots", json=content).json()["id"])
+
+    def delete_robot(self, robot_id: str) -> None:
+        """Forget an upload; applications that use it keep their copy."""
+        self.request("DELETE", f"/v1/robots/{quote(robot_id, safe='')}")
 
     def request(self, method: str, path: str, **options: Any) -> httpx.Response:
         """One call, repeated while nobody answers or the server is busy.

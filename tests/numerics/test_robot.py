@@ -12,10 +12,11 @@ from services.codesign.robot import Robot, RobotError, preset_names, preset_wire
 
 
 def test_presets():
-    assert preset_names() == ["ur5", "ur5_modern_robotics"]
+    joints = {"gen3": 7, "puma560": 6, "ur5": 6, "ur5_modern_robotics": 6}
+    assert preset_names() == list(joints)
     for name in preset_names():
         robot = Robot.preset(name)
-        assert (robot.name, robot.joints) == (name, 6)
+        assert (robot.name, robot.joints) == (name, joints[name])
 
 
 def test_preset_limits_are_the_papers():
@@ -117,5 +118,5 @@ def test_refusals_name_the_field(field, spoil):
 
 
 def test_unknown_preset_is_refused():
-    with pytest.raises(RobotError, match="unknown robot 'ur6'; presets: ur5, ur5_modern_robotics"):
+    with pytest.raises(RobotError, match="unknown robot 'ur6'; presets: gen3, puma560, ur5, ur5_modern_robotics"):
         Robot.preset("ur6")
