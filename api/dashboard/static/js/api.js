@@ -49,6 +49,10 @@ export const submit = (text, key) =>
     headers: { "content-type": "application/yaml", "idempotency-key": key },
   });
 
+/** Keep a robot, given as YAML text (JSON is YAML). @param {string} text */
+export const uploadRobot = (text) =>
+  answer("/v1/robots", { method: "POST", body: text, headers: { "content-type": "application/yaml" } });
+
 /** The address of an application's resource. @param {string} id @param {string} [rest] */
 export const ofApplication = (id, rest = "") => `/v1/applications/${encodeURIComponent(id)}${rest}`;
 

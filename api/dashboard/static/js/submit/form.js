@@ -5,6 +5,7 @@ import { methodName, words } from "../format.js";
 import { choice } from "../parts/choice.js";
 import { field } from "./field.js";
 import { given, indexOrName, manyNumbers, oneNumber } from "./numbers.js";
+import { robotUpload } from "./robot-upload.js";
 import { taskRows } from "./task-rows.js";
 
 const OBJECTIVES = {
@@ -13,6 +14,9 @@ const OBJECTIVES = {
   electrical_energy: "electrical energy: least [J] in a given duration",
   weighted: "weighted: a mix of time and energy",
 };
+
+/** The server's own. */
+const DEFAULT_ROBOT = "ur5";
 
 /** What the paper compares with. */
 const COMPARED = ["empirical", "worst_case"];
@@ -30,6 +34,11 @@ export function applicationForm(offered) {
   const name = text("", { maxlength: 200 });
   const tags = text();
   const robot = select(offered.robots.map((r) => [r.id, r.kind === "upload" ? `${r.name} (${r.id})` : r.name]));
+  if (offered.robots.some((r) => r.id === DEFAULT_ROBOT)) robot.value = DEFAULT_ROBOT;
+  const upload = robotUpload(({ id, name: label }) => {
+    robot.append(h("option", { value: id }, `${label} (${id})`));
+    robot.value = id;
+  });
   const objective = select(offered.objectives.map((kind) => [kind, OBJECTIVES[kind] ?? words(kind)]), showParts);
   const alpha = decimal("0.5");
   const stroke = text("0.2, 0.4, 0.6, 0.8, 1.0");
@@ -121,6 +130,7 @@ export function applicationForm(offered) {
     "div",
     { class: "form" },
     section("Application", h("div", { class: "fields" }, field("name", "Name", name), field("robot", "Robot", robot), field("tags", "Tags", tags, "separated by commas")), null),
+    upload,
     section("Objective", h("div", { class: "fields" }, field("objective.kind", "Minimise", objective), alphaField), null),
     section("Tasks", [gridPart, list.element], choice("Form of the tasks", [["grid", "grid"], ["list", "list"]], "grid", pickTasks)),
     section(
