@@ -1,12 +1,14 @@
-"""Compiled kernels: one interval's constraints with first and second derivatives, and one motor's constraints.
+"""Compiled kernels: an interval's constraints with first and second derivatives, and one motor's constraints.
 
-CasADi generates the C, the machine's compiler builds it once, and the library is kept under a hash of everything
-that shapes it. Without a compiler the same functions run on the CasADi virtual machine, about ten times slower.
+The C comes from CasADi's graphs, several intervals to a call (`lanes.py`); the machine's compiler builds it once, and
+the library is kept under a hash of everything that shapes it. Without a compiler the same functions run on the CasADi
+virtual machine, one interval to a call, about thirty times slower.
 """
 
 from __future__ import annotations
 
 import fcntl
+import functools
 import hashlib
 import json
 import os
@@ -14,7 +16,7 @@ import platform
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -31,12 +33,16 @@ from services.codesign.interval import (
     parameter_sizes,
     unpack_parameters,
 )
+from services.codesign.lanes import lanes_source
 from services.codesign.motor import design_constraints
 from services.codesign.motor_data import DIMENSIONS
 from services.codesign.robot import Robot
 
 COMPILER_FLAGS = ("-O1", "-fPIC", "-shared")
 """-O1: a third faster to compile than -O2, and the code is no slower (docs/performance.md)."""
+
+LANES_FLAGS = ("-march=native",)
+"""Added for code of several lanes: the widest vectors that this machine has."""
 
 BUILD_LOCK_SUFFIX = ".lock"
 
@@ -48,6 +54,7 @@ _SHAPING_SOURCES = (
     "interval.py",
     "inverse_dynamics.py",
     "kernels.py",
+    "lanes.py",
     "motor.py",
     "motor_data.py",
     "robot.py",
@@ -60,10 +67,11 @@ _SOURCES = {path.name: path.read_text() for path in Path(__file__).parent.glob("
 
 @dataclass(frozen=True)
 class Kernels:
-    """Functions of one interval and one motor; `compiled` says whether they are machine code.
+    """Functions of `lanes` intervals and of one motor; `compiled` says whether they are machine code.
 
     With v = (start, variables, design, final_time) and inputs (start, variables, design, final_time, width,
-    parameters):
+    parameters), where start, variables, width, multipliers and all outputs have a column (or as many columns as one
+    interval's output) for each interval, side by side as `casadi.Function.map` has them:
 
     - value -> (constraints, effort)
     - jacobian -> d constraints / dv, sparse
@@ -82,6 +90,25 @@ class Kernels:
     motor_jacobian: ca.Function
     motor_hessian: ca.Function
     compiled: bool
+
+    @property
+    def lanes(self) -> int:
+        """Intervals that a call evaluates."""
+        return int(self.value.size2_in(0))
+
+    def pattern(self, name: str) -> Any:
+        """Sparsity of one interval's, or one motor's, part of an output."""
+        whole = getattr(self, name).sparsity_out(0)
+        if name not in OVER_LANES:
+            return whole
+        return ca.horzsplit(whole, whole.size2() // self.lanes)[0]
+
+
+SHARED_INPUTS = (2, 3, 5)
+"""Design, t_f and parameters are the same in every interval."""
+
+OVER_LANES = dict.fromkeys(("value", "jacobian", "effort_gradient", "hessian"), SHARED_INPUTS)
+"""Kernels of several intervals, with the inputs that these share."""
 
 
 def default_cache() -> Path:
@@ -106,13 +133,21 @@ def load_kernels(robot: Robot, layout: IntervalLayout, cache: Path | None = None
 
 
 def _load(robot: Robot, layout: IntervalLayout, library: Path) -> Kernels:
-    built = build_library(library, lambda: _functions(robot, layout))
+    built = build_library(library, lambda: _functions(robot, layout), OVER_LANES)
     return _external(library) if built else _virtual_machine(robot, layout)
 
 
-def build_library(library: Path, functions: Callable[[], dict[str, ca.Function]]) -> bool:
-    """Compile functions into a shared library, unless it is there; False where there is no compiler."""
-    return build_once(library, lambda compiler: _compile(functions(), compiler, library))
+def build_library(
+    library: Path,
+    functions: Callable[[], dict[str, ca.Function]],
+    over_lanes: Mapping[str, Sequence[int]] | None = None,
+) -> bool:
+    """Compile functions into a shared library, unless it is there; False where there is no compiler.
+
+    Those named in `over_lanes` evaluate several points at once (`lanes.LANES`); the inputs listed there are the same
+    for all.
+    """
+    return build_once(library, lambda compiler: _compile(functions(), over_lanes or {}, compiler, library))
 
 
 def build_once(library: Path, build: Callable[[str], None]) -> bool:
@@ -163,10 +198,22 @@ def library_key(robot: Robot, form: Any, modules: Iterable[str]) -> str:
         form,
         ca.CasadiMeta.version(),
         COMPILER_FLAGS,
-        platform.machine(),
+        LANES_FLAGS,
+        processor(),
         sources,
     ]
     return hashlib.sha256(json.dumps(shape, sort_keys=True).encode()).hexdigest()[:32]
+
+
+@functools.cache
+def processor() -> list[str]:
+    """What tells processors apart that need different code: code for this one may not run on another."""
+    info = Path("/proc/cpuinfo")
+    if not info.exists():
+        return [platform.machine(), platform.processor()]
+    lines = info.read_text().split("\n\n")[0].splitlines()
+    known = ("model name", "flags", "Features", "CPU part", "isa")
+    return [platform.machine(), *(line for line in lines if line.startswith(known))]
 
 
 def _shaping_numbers(robot: Robot) -> dict[str, Any]:
@@ -222,21 +269,34 @@ def _compiler() -> str | None:
     return next((path for name in candidates if name and (path := shutil.which(name))), None)
 
 
-def _compile(functions: dict[str, ca.Function], compiler: str, library: Path) -> None:
+def _compile(
+    functions: dict[str, ca.Function], over_lanes: Mapping[str, Sequence[int]], compiler: str, library: Path
+) -> None:
     """Generate, compile each function on a thread of its own, link, and move into place in one step."""
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
-        objects = list(_map_threads(lambda item: _object(item[0], item[1], compiler, folder), functions.items()))
+
+        def build(name: str) -> str:
+            if name in over_lanes:
+                source = lanes_source(functions[name], over_lanes[name])
+                return _object(name, source, [compiler, *COMPILER_FLAGS, *LANES_FLAGS], folder)
+            return _object(name, _scalar_source(functions[name]), [compiler, *COMPILER_FLAGS], folder)
+
+        objects = list(_map_threads(build, sorted(functions, key=lambda name: -functions[name].n_instructions())))
         built = str(Path(folder) / "kernels.so")
         run_compiler([compiler, *COMPILER_FLAGS, *objects, "-o", built, "-lm"])
         os.replace(built, library)
 
 
-def _object(name: str, function: ca.Function, compiler: str, folder: str) -> str:
-    generator = ca.CodeGenerator(f"{name}.c", {"with_header": False, "casadi_int": "long long int"})
+def _scalar_source(function: ca.Function) -> str:
+    generator = ca.CodeGenerator(function.name(), {"with_header": False, "casadi_int": "long long int"})
     generator.add(function)
-    generator.generate(f"{folder}/")
-    target = f"{folder}/{name}.o"
-    run_compiler([compiler, *(f for f in COMPILER_FLAGS if f != "-shared"), "-c", f"{folder}/{name}.c", "-o", target])
+    return str(generator.dump())
+
+
+def _object(name: str, source: str, compile: Sequence[str], folder: str) -> str:
+    path, target = f"{folder}/{name}.c", f"{folder}/{name}.o"
+    Path(path).write_text(source)
+    run_compiler([*(part for part in compile if part != "-shared"), "-c", path, "-o", target])
     return target
 
 

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from services.codesign.interval import IntervalLayout, parameter_sizes
-from services.codesign.kernels import Kernels, load_kernels
+from services.codesign.kernels import SHARED_INPUTS, Kernels, load_kernels
 from services.codesign.motor_data import CONSTRAINTS, DIMENSIONS
 from services.codesign.robot import Robot
 
@@ -87,21 +87,24 @@ def load_program(robot: Robot, layout: IntervalLayout, intervals: int, cache: Pa
 def build_program(kernels: Kernels, layout: IntervalLayout, intervals: int) -> Program:
     """Assemble the program's functions from an interval's."""
     s = _Symbols(layout, intervals)
-    indices = _Indices(layout, intervals)
     n, N = layout.joints, intervals
-    shared = [2, 3, 5]  # design, t_f and parameters are the same in every interval
+    calls = -(-N // kernels.lanes)
+    idle = calls * kernels.lanes - N  # lanes of the last call that evaluate the last interval again
+    indices = _Indices(layout, intervals, idle)
 
     def over_intervals(function: ca.Function, *more: Any) -> Any:
-        mapped = function.map(function.name(), "serial", N, shared, [])
-        return mapped(s.starts, s.columns, s.design, s.final_time, s.widths, s.parameters, *more)
+        """Output with a column for each interval, idle lanes included."""
+        mapped = function.map(function.name(), "serial", calls, list(SHARED_INPUTS), [])
+        starts, columns, widths, *others = (_widened(part, idle) for part in (s.starts, s.columns, s.widths, *more))
+        return mapped(starts, columns, s.design, s.final_time, widths, s.parameters, *others)
 
     def over_motors(function: ca.Function, *more: Any) -> Any:
         mapped = function.map(function.name(), "serial", n, [1], [])
         return mapped(ca.reshape(s.design, len(DIMENSIONS), n), s.parameters, *more)
 
     g_intervals, efforts = over_intervals(kernels.value)
-    f = s.time_weight * s.final_time + s.effort_weight * ca.sum2(efforts)
-    g = ca.vertcat(ca.vec(g_intervals), ca.vec(over_motors(kernels.motor_value)))
+    f = s.time_weight * s.final_time + s.effort_weight * ca.sum2(efforts[:, :N])
+    g = ca.vertcat(ca.vec(g_intervals[:, :N]), ca.vec(over_motors(kernels.motor_value)))
 
     jac = indices.jacobian(kernels, over_intervals(kernels.jacobian), over_motors(kernels.motor_jacobian))
     # Without an effort in the objective its gradient is not evaluated.
@@ -132,6 +135,11 @@ def build_program(kernels: Kernels, layout: IntervalLayout, intervals: int) -> P
     )
 
 
+def _widened(matrix: Any, more: int) -> Any:
+    """The last column `more` times again."""
+    return ca.horzcat(matrix, ca.repmat(matrix[:, -1], 1, more)) if more else matrix
+
+
 def _unit(value: Any, indices: _Indices) -> Any:
     unit = ca.DM.zeros(indices.size)
     unit[indices.time] = 1
@@ -159,14 +167,16 @@ class _Symbols:
 class _Indices:
     """Where each kernel derivative goes in the whole program."""
 
-    def __init__(self, layout: IntervalLayout, intervals: int) -> None:
-        self.layout, self.intervals = layout, intervals
+    def __init__(self, layout: IntervalLayout, intervals: int, idle: int) -> None:
+        self.layout, self.intervals, self.evaluated = layout, intervals, intervals + idle
         self.time = len(DIMENSIONS) * layout.joints
         self.size = self.time + 1 + intervals * layout.variables
         self.rows = layout.equalities + layout.inequalities
 
     def columns(self, w: int) -> np.ndarray:
-        """Program index of each entry of a kernel's v in interval w; -1 for the given start state."""
+        """Program index of each entry of a kernel's v in interval w; -1 for the start state and idle lanes."""
+        if w >= self.intervals:
+            return np.full(self.layout.state_size + self.layout.variables + self.time + 1, -1)
         layout, first = self.layout, self.time + 1 + w * self.layout.variables
         start = first - layout.variables + np.array(layout.end_state)
         own = first + np.arange(layout.variables)
@@ -174,30 +184,35 @@ class _Indices:
         return np.concatenate([start if w else np.full(layout.state_size, -1), own, border])
 
     def jacobian(self, kernels: Kernels, interval: Any, motor: Any) -> Any:
-        local = [np.array(part) for part in kernels.jacobian.sparsity_out(0).get_triplet()]
-        local_motor = [np.array(part) for part in kernels.motor_jacobian.sparsity_out(0).get_triplet()]
+        local = _places(kernels, "jacobian")
+        local_motor = _places(kernels, "motor_jacobian")
         n, constraints = self.layout.joints, len(CONSTRAINTS)
         first = self.intervals * self.rows
-        rows = [w * self.rows + local[0] for w in range(self.intervals)]
-        cols = [self.columns(w)[local[1]] for w in range(self.intervals)]
+        rows = [w * self.rows + local[0] for w in range(self.evaluated)]
+        cols = [self.columns(w)[local[1]] for w in range(self.evaluated)]
         rows += [first + constraints * k + local_motor[0] for k in range(n)]
         cols += [len(DIMENSIONS) * k + local_motor[1] for k in range(n)]
         values = ca.vertcat(_nonzeros(interval), _nonzeros(motor))
         return scatter(values, np.concatenate(rows), np.concatenate(cols), (first + constraints * n, self.size))
 
     def gradient(self, kernels: Kernels, efforts: Any) -> Any:
-        local, _ = (np.array(part) for part in kernels.effort_gradient.sparsity_out(0).get_triplet())
-        cols = np.concatenate([self.columns(w)[local] for w in range(self.intervals)])
+        local, _ = _places(kernels, "effort_gradient")
+        cols = np.concatenate([self.columns(w)[local] for w in range(self.evaluated)])
         return ca.densify(scatter(_nonzeros(efforts), cols, np.zeros_like(cols), (self.size, 1)))
 
     def hessian(self, kernels: Kernels, interval: Any, motor: Any) -> Any:
-        local = [np.array(part) for part in kernels.hessian.sparsity_out(0).get_triplet()]
-        local_motor = [np.array(part) for part in kernels.motor_hessian.sparsity_out(0).get_triplet()]
-        pairs = [self.columns(w)[part] for w in range(self.intervals) for part in local]
+        local = _places(kernels, "hessian")
+        local_motor = _places(kernels, "motor_hessian")
+        pairs = [self.columns(w)[part] for w in range(self.evaluated) for part in local]
         pairs += [len(DIMENSIONS) * k + part for k in range(self.layout.joints) for part in local_motor]
         a, b = np.concatenate(pairs[0::2]), np.concatenate(pairs[1::2])
         values = ca.vertcat(_nonzeros(interval), _nonzeros(motor))
         return scatter(values, np.minimum(a, b), np.maximum(a, b), (self.size, self.size))
+
+
+def _places(kernels: Kernels, name: str) -> list[np.ndarray]:
+    """Row and column of each nonzero of one interval's, or one motor's, output."""
+    return [np.array(part, dtype=int) for part in kernels.pattern(name).get_triplet()]
 
 
 def _nonzeros(matrix: Any) -> Any:

@@ -10,7 +10,6 @@ import ctypes
 import hashlib
 import json
 import os
-import platform
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from services.codesign.elimination import Elimination
-from services.codesign.kernels import build_once, default_cache, run_compiler
+from services.codesign.kernels import build_once, default_cache, processor, run_compiler
 
 SOURCE = Path(__file__).with_suffix(".c")
 
@@ -85,17 +84,8 @@ def load_staged_ldl(cache: Path | None = None) -> StagedLDL | None:
 
 def library_name() -> str:
     """Name under which the library is kept: it changes with the source, the flags and the processor."""
-    shape = [SOURCE.read_text(), COMPILER_FLAGS, platform.machine(), _processor()]
+    shape = [SOURCE.read_text(), COMPILER_FLAGS, processor()]
     return "staged-ldl-" + hashlib.sha256(json.dumps(shape).encode()).hexdigest()[:32]
-
-
-def _processor() -> list[str]:
-    """What tells processors apart that need different code: code for this one may not run on another."""
-    info = Path("/proc/cpuinfo")
-    if not info.exists():
-        return [platform.processor()]
-    lines = info.read_text().split("\n\n")[0].splitlines()
-    return [line for line in lines if line.startswith(("model name", "flags", "Features", "CPU part", "isa"))]
 
 
 def _compile(compiler: str, path: Path) -> None:

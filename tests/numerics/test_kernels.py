@@ -8,12 +8,14 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from services.codesign import kernels as kernels_module
 from services.codesign.interval import CONTROLS, IntervalLayout
-from services.codesign.kernels import Kernels, cache_key, load_kernels
+from services.codesign.kernels import OVER_LANES, SHARED_INPUTS, Kernels, cache_key, load_kernels
+from services.codesign.lanes import LANES, lanes_source
 from services.codesign.motor_data import CONSTRAINTS, MotorData
 from services.codesign.robot import Robot
 from tests.numerics.arms import random_robot
@@ -74,10 +76,10 @@ def motor_inputs(layout: IntervalLayout) -> list[np.ndarray]:
     return [design[:7], parameters]
 
 
-def all_inputs(layout: IntervalLayout) -> dict[str, list[np.ndarray]]:
+def all_inputs(layout: IntervalLayout, seed: int = 0) -> dict[str, list[np.ndarray]]:
     """Inputs of every kernel by name."""
-    interval, motor = interval_inputs(layout), motor_inputs(layout)
-    rng = np.random.default_rng(5)
+    interval, motor = interval_inputs(layout, seed), motor_inputs(layout)
+    rng = np.random.default_rng(5 + seed)
     lam = rng.normal(size=layout.equalities + layout.inequalities)
     n = layout.joints
     return {
@@ -92,23 +94,44 @@ def all_inputs(layout: IntervalLayout) -> dict[str, list[np.ndarray]]:
     }
 
 
+def in_lanes(layout: IntervalLayout, name: str) -> list[np.ndarray]:
+    """Inputs of a kernel, a different point in each lane."""
+    points = zip(*(all_inputs(layout, seed)[name] for seed in range(LANES)), strict=True)
+    return [parts[0] if i in SHARED_INPUTS else np.column_stack(parts) for i, parts in enumerate(points)]
+
+
 @pytest.mark.parametrize(
     "layout",
-    [IntervalLayout(1, "radau", 1), IntervalLayout(1, "legendre", 1, "current", "forward")],
+    [
+        IntervalLayout(1, "radau", 1),
+        IntervalLayout(1, "legendre", 1, "current", "forward"),
+        IntervalLayout(2, "radau", 2, "current"),
+    ],
     ids=str,
 )
 def test_compiled_kernels_equal_the_virtual_machine(layout, cache, request, tmp_path):
-    robot = random_robot(1)
+    robot = random_robot(layout.joints)
     compiled = load_kernels(robot, layout, cache)
     request.getfixturevalue("no_compiler")
     virtual = load_kernels(robot, layout, tmp_path / "nothing here")
-    assert compiled.compiled
-    assert not virtual.compiled
+    assert (compiled.compiled, compiled.lanes) == (True, LANES)
+    assert (virtual.compiled, virtual.lanes) == (False, 1)
     assert not (tmp_path / "nothing here").exists()
-    for name, inputs in all_inputs(layout).items():
-        for a, b in zip(getattr(compiled, name).call(inputs), getattr(virtual, name).call(inputs), strict=True):
+    for name in all_inputs(layout):
+        inputs, one, several = all_inputs(layout)[name], getattr(virtual, name), getattr(compiled, name)
+        if name in OVER_LANES:
+            inputs = in_lanes(layout, name)
+            one = one.map(name, "serial", LANES, list(SHARED_INPUTS), [])
+            assert compiled.pattern(name) == virtual.pattern(name)
+        for a, b in zip(several.call(inputs), one.call(inputs), strict=True):
             assert a.sparsity() == b.sparsity()
             assert np.abs((a - b).full()).max() <= ROUNDING * np.abs(b.full()).max()
+
+
+def test_an_operation_that_lanes_do_not_know_is_refused():
+    x = ca.SX.sym("x")
+    with pytest.raises(NotImplementedError, match="odd has operation"):
+        lanes_source(ca.Function("odd", [x], [ca.tanh(x)]), [])
 
 
 def test_a_compiler_that_does_not_exist_is_passed_over(monkeypatch, no_compiler, tmp_path):
@@ -197,7 +220,7 @@ from tests.numerics.test_kernels import interval_inputs
 layout = IntervalLayout(1, "radau", 2)
 kernels = load_kernels(random_robot(1), layout, Path(sys.argv[1]))
 assert kernels.compiled
-print(repr(kernels.value(*interval_inputs(layout))[0].full().sum()))
+print(repr(kernels.value.call([part[:, None] for part in interval_inputs(layout)])[0].full().sum()))
 """
 
 

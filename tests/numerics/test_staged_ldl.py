@@ -295,7 +295,7 @@ def test_library_is_another_for_other_flags_sources_and_processors(monkeypatch, 
     names = {library_name()}
     monkeypatch.setattr(staged_module, "COMPILER_FLAGS", ("-O0",))
     names.add(library_name())
-    monkeypatch.setattr(staged_module, "_processor", lambda: ["another"])
+    monkeypatch.setattr(staged_module, "processor", lambda: ["another"])
     names.add(library_name())
     other = tmp_path / "other.c"
     other.write_text("int nothing;")
