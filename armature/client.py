@@ -286,6 +286,10 @@ class Application:
         """Do again what failed, died or was cancelled, and what depends on it."""
         return ApplicationStatus.model_validate_json(self.client.request("POST", f"{self._path}/retry").content)
 
+    def delete(self) -> None:
+        """Delete the application with all its results; cancel it first while it runs."""
+        self.client.request("DELETE", self._path)
+
     def log(self, task: int, method: str | None = None) -> SolverLog:
         """Solver iterations of a task's motion (method as in `trajectory`)."""
         return SolverLog.model_validate_json(self._get(f"/tasks/{task}/log", {"method": method}))

@@ -25,6 +25,13 @@ class ApplicationFileError(ArmatureError):
     """A file is not there, or is not YAML of an application."""
 
 
+class MissingExtraError(ArmatureError):
+    """An optional part is not installed."""
+
+    def __init__(self, what: str, extra: str) -> None:
+        super().__init__(f"{what} need the extra '{extra}': pip install 'armature-codesign[{extra}]'")
+
+
 @dataclass(frozen=True)
 class FieldProblem:
     """One thing wrong with an input: the field, the value that was given, the limit it broke."""

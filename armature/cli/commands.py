@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from armature.cli import keys, local, remote, robots
+from armature.cli import export, keys, local, motions, remote, robots
 from armature.cli.exit_codes import HELP
 from armature.cli.failures import Commands
 
@@ -35,5 +35,9 @@ for command in (
     remote.comparison,
     remote.cancel,
     remote.retry,
+    remote.delete,
+    motions.trajectory,
+    motions.log,
+    export.export,
 ):
     app.command(rich_help_panel=SERVER)(command)

@@ -9,9 +9,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
+from pydantic import BaseModel
 
 from armature.cli import tables
 from armature.cli.consoles import messages, output, print_json
@@ -24,6 +25,13 @@ from shared.domain import ApplicationState
 Url = Annotated[str, typer.Option(envvar="ARMATURE_URL", help="Address of the server.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the server's answer as JSON.")]
 Id = Annotated[str, typer.Argument(metavar="ID", help="The application's id, from submit or list.", show_default=False)]
+
+
+class Deleted(BaseModel):
+    """Answer of `delete`."""
+
+    id: str
+    deleted: Literal[True] = True
 
 
 def submit(
@@ -44,7 +52,7 @@ def submit(
 
 def status(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
     """State and progress of an application."""
-    with _application(url, application_id) as application:
+    with open_application(url, application_id) as application:
         found = application.status()
     if as_json:
         print_json(found)
@@ -54,7 +62,7 @@ def status(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) ->
 
 def watch(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
     """Follow an application to its end; the exit code tells how it ended. Ctrl-C ends only the watching."""
-    with _application(url, application_id) as application:
+    with open_application(url, application_id) as application:
         try:
             with shown_progress(messages()) as show:
                 found = application.wait(show)
@@ -70,7 +78,7 @@ def watch(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -> 
 
 def tasks(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
     """Every task: its own optimum, its motion with each design, and why it failed."""
-    with _application(url, application_id) as application:
+    with open_application(url, application_id) as application:
         found = application.tasks()
         if as_json:
             print_json(TaskList(items=found, next_cursor=None))
@@ -87,7 +95,7 @@ def design(
     as_json: Json = False,
 ) -> None:
     """The design for all tasks, motor by motor, and what binds."""
-    with _application(url, application_id) as application:
+    with open_application(url, application_id) as application:
         found = application.design(method)
     if as_json:
         print_json(found)
@@ -97,7 +105,7 @@ def design(
 
 def designs(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
     """The tasks' own designs, their mean, and each method's design."""
-    with _application(url, application_id) as application:
+    with open_application(url, application_id) as application:
         found = application.designs()
     if as_json:
         print_json(found)
@@ -107,7 +115,7 @@ def designs(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -
 
 def comparison(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
     """Methods side by side: totals, regret, and heat maps of a grid."""
-    with _application(url, application_id) as application:
+    with open_application(url, application_id) as application:
         found = application.comparison()
     if as_json:
         print_json(found)
@@ -117,7 +125,7 @@ def comparison(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False
 
 def cancel(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
     """Cancel an application: what is queued at once, what runs within a second or two."""
-    with _application(url, application_id) as application:
+    with open_application(url, application_id) as application:
         found = application.cancel()
     if as_json:
         print_json(found)
@@ -129,12 +137,29 @@ def cancel(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) ->
 
 def retry(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
     """Do again what failed, died or was cancelled, and what depends on it; what is good stays."""
-    with _application(url, application_id) as application:
+    with open_application(url, application_id) as application:
         found = application.retry()
     if as_json:
         print_json(found)
     else:
         output().print(f"{found.id} {found.state}; follow it with: armature watch {found.id}")
+
+
+def delete(
+    application_id: Id,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False,
+    url: Url = DEFAULT_URL,
+    as_json: Json = False,
+) -> None:
+    """Delete an application with all its results."""
+    if not yes:
+        typer.confirm(f"delete application {application_id} with all its results?", abort=True, err=True)
+    with open_application(url, application_id) as application:
+        application.delete()
+    if as_json:
+        print_json(Deleted(id=application_id))
+    else:
+        output().print(f"{application_id} deleted")
 
 
 def list_applications(
@@ -154,6 +179,7 @@ def list_applications(
 
 
 @contextmanager
-def _application(url: str, application_id: str) -> Iterator[Application]:
+def open_application(url: str, application_id: str) -> Iterator[Application]:
+    """The application, while its client is open."""
     with Client(url) as client:
         yield client.application(application_id)

@@ -1,0 +1,68 @@
+"""A motion as ROS's `trajectory_msgs/JointTrajectory`, the message that joint trajectory controllers take.
+
+https://github.com/ros2/common_interfaces/blob/rolling/trajectory_msgs/msg/JointTrajectory.msg: a header, the joints'
+names, and points with positions [rad], velocities [rad/s], accelerations [rad/s2], effort [N m] and the time from the
+start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from armature.export.motion_columns import joint_acceleration
+from shared.contracts.results import Trajectory
+
+NANOSECONDS = 1_000_000_000
+
+
+def joint_names(joints: int) -> list[str]:
+    """joint_1, joint_2, ..., when nobody gave others."""
+    return [f"joint_{k + 1}" for k in range(joints)]
+
+
+def joint_trajectory(motion: Trajectory, names: Sequence[str] | None = None) -> dict[str, Any]:
+    """The message as plain data, for JSON and YAML.
+
+    Parameters
+    ----------
+    names
+        Of the joints, as the robot's controller knows them; default joint_1, joint_2, ...
+
+    Raises
+    ------
+    ValueError
+        There are more or fewer names than joints.
+    """
+    joints = len(motion.joint_position_rad[0])
+    names = joint_names(joints) if names is None else list(names)
+    if len(names) != joints:
+        raise ValueError(f"joint names: {len(names)} were given, the robot has {joints} joints")
+    rows = zip(
+        motion.time_s,
+        motion.joint_position_rad,
+        motion.joint_speed_rad_s,
+        joint_acceleration(motion).tolist(),
+        motion.joint_torque_Nm,
+        strict=True,
+    )
+    return {
+        "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""},
+        "joint_names": names,
+        "points": [
+            {
+                "positions": position,
+                "velocities": speed,
+                "accelerations": acceleration,
+                "effort": torque,
+                "time_from_start": duration(time),
+            }
+            for time, position, speed, acceleration, torque in rows
+        ],
+    }
+
+
+def duration(seconds: float) -> dict[str, int]:
+    """`builtin_interfaces/Duration`, to the nanosecond."""
+    sec, nanosec = divmod(round(seconds * NANOSECONDS), NANOSECONDS)
+    return {"sec": sec, "nanosec": nanosec}

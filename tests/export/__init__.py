@@ -1,0 +1,1 @@
+"""Exported files load back to the same numbers."""
