@@ -20,6 +20,15 @@ class Comparison:
     total_regret: Mapping[str, float | None]  # by method, over the tasks counted; None when none is
 
 
+def over_tasks(values: Sequence[float], weights: Sequence[float], worst_share: float) -> float:
+    """What one design is judged by: the weighted sum, the worst task, or a mix, in units of the weighted sum.
+
+    ``(1 - s) sum_k w_k v_k + s W max_k v_k`` with ``W = sum_k w_k`` and s = `worst_share`: 0 the sum, 1 the worst.
+    """
+    total = sum(weight * value for weight, value in zip(weights, values, strict=True))
+    return (1 - worst_share) * total + (worst_share * sum(weights) * max(values) if worst_share else 0.0)
+
+
 def compare(own: Sequence[float | None], methods: Mapping[str, Sequence[float | None]]) -> Comparison:
     """Compare objective values, one a task, None where there is no motion.
 

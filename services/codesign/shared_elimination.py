@@ -1,7 +1,8 @@
 """Order of elimination for the program of all tasks: motion after motion, the design last.
 
-A motion's intervals are eliminated as in its own program, and its t_f with the last of them. What it leaves behind
-touches the design alone, and is handed on through the stages of the motions that follow.
+A motion's intervals are eliminated as in its own program, and with the last of them its t_f and the constraint that
+holds its objective below the worst one's. What it leaves behind touches the design and the worst objective z alone,
+and is handed on through the stages of the motions that follow.
 """
 
 from __future__ import annotations
@@ -23,9 +24,11 @@ def shared_elimination(program: SharedProgram, instance: Instance) -> Eliminatio
         own, rows = variable[program.variables_of(k)], program.constraints_of(k)
         motion = [interval_stage(task, w, own, slack[rows], multiplier[rows]) for w in range(task.intervals)]
         pairs, rest = motion.pop()
-        final_time = own[task.time_index]
-        stages += [*motion, (pairs, np.append(rest, final_time) if final_time >= 0 else rest)]
+        worst = program.worst_rows[k : k + 1]
+        last = np.concatenate([own[[task.time_index]], slack[worst], multiplier[worst]])
+        stages += [*motion, (pairs, np.append(rest, last[last >= 0]))]
     rows = program.constraints_of(0)
     design = variable[program.variables_of(0)]
     design[task.time_index] = -1  # eliminated with its motion
-    return in_order([*stages, border_stage(task, design, slack[rows], multiplier[rows])])
+    pairs, rest = border_stage(task, design, slack[rows], multiplier[rows])
+    return in_order([*stages, (pairs, np.append(rest, variable[-1]) if program.has_worst else rest)])

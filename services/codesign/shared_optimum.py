@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.codesign.guess import Guess, motion_guess
-from services.codesign.instance import Instance, build_instance, objective_scale, scales_of
+from services.codesign.instance import build_instance, objective_scale, scales_of
 from services.codesign.motion import Motion
 from services.codesign.optimality import Optimality, optimality
 from services.codesign.problem import Problem
@@ -20,7 +20,11 @@ from services.codesign.program import Program, load_program
 from services.codesign.shared_program import SharedProgram, build_shared_program
 from services.codesign.solver import IterationReport, Progress, SolverOptions, run
 
-_PROGRAMS: dict[tuple[int, int], SharedProgram] = {}
+_PROGRAMS: dict[tuple[int, int, bool, int], SharedProgram] = {}
+
+WORST_ALONE = 0.999
+"""Share of the worst task when nothing else is asked for: the rest decides among designs that are equal there, and
+keeps the motions of the other tasks from being arbitrary."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +42,12 @@ class SharedOptimum:
     success: bool
     status: str  # IPOPT's
     design: np.ndarray | None  # (n, 7) m
-    objective: float  # weighted sum of the tasks' objectives
+    objective: float  # of the whole: `comparison.over_tasks`
     iterations: int
     solve_time: float  # s
     optimality: Optimality  # residuals of the joint program
-    convergence: tuple[tuple[int, float], ...]  # (iteration, weighted sum of the objectives)
+    convergence: tuple[tuple[int, float], ...]  # (iteration, objective)
+    deciding: tuple[float, ...] = ()  # how much each task decides about the worst one's objective, sum 1; () without
 
 
 def solve_shared(
@@ -51,8 +56,11 @@ def solve_shared(
     start: SharedStart,
     options: SolverOptions,
     progress: Progress | None = None,
+    *,
+    worst_share: float = 0.0,
+    threads: int = 1,
 ) -> SharedOptimum:
-    """Minimise the weighted sum of the tasks' objectives over all motions and one design  (Problem 1).
+    """Minimise over all motions and one design  (Problem 1).
 
     Parameters
     ----------
@@ -62,25 +70,28 @@ def solve_shared(
         One a task, > 0; the sum is over ``weight x objective``.
     progress
         Called at every iteration; True stops the solve.
+    worst_share
+        0: the weighted sum; 1: the worst task's objective; between: a mix (`comparison.over_tasks`).
+    threads
+        How many evaluate the tasks' functions.
     """
     task = load_program(problems[0].robot, problems[0].layout, problems[0].transcription.intervals)
-    program = _shared(task, len(problems))
+    program = _shared(task, len(problems), worst_share > 0, threads)
     parts = [build_instance(problem, task) for problem in problems]
     guess = [
         motion_guess(problem, task, part, start.design, motion).x
         for problem, part, motion in zip(problems, parts, start.motions, strict=True)
     ]
-    total = sum(weights)
-    weighted = [_weigh(part, weight * len(weights) / total) for part, weight in zip(parts, weights, strict=True)]
-    instance = program.instance(weighted)
-    unit = objective_scale(problems[0]) * len(weights) / total
+    unit = objective_scale(problems[0]) * len(weights) / sum(weights)
+    instance = program.instance(parts, *_weights(weights, worst_share))
     convergence: list[tuple[int, float]] = []
 
     def watched(report: IterationReport) -> bool:
         convergence.append((report.iteration, report.objective / unit))
         return progress is not None and progress(replace(report, objective=report.objective / unit))
 
-    outcome = run(program, instance, Guess(program.join(guess)), options, progress=watched)
+    worst = max(float(task.nlp(x, part.parameters)[0]) for x, part in zip(guess, parts, strict=True))
+    outcome = run(program, instance, Guess(program.join(guess, worst)), options, progress=watched)
     scaled = outcome.x[: task.design_size].reshape(start.design.shape)
     return SharedOptimum(
         success=outcome.success,
@@ -91,19 +102,25 @@ def solve_shared(
         solve_time=outcome.seconds,
         optimality=optimality(program, instance, outcome.x, outcome.lam_x, outcome.lam_g),
         convergence=tuple(convergence),
+        deciding=_deciding(outcome.lam_g[program.worst_rows]),
     )
 
 
-def _shared(task: Program, tasks: int) -> SharedProgram:
-    """Built once per process and number of tasks."""
-    key = (id(task), tasks)
+def _weights(weights: Sequence[float], worst_share: float) -> tuple[list[float], float]:
+    """Weights of the tasks' objectives and of the worst one in the program: of mean one, so that it is well scaled."""
+    share = min(worst_share, WORST_ALONE)
+    mean = sum(weights) / len(weights)
+    return [(1 - share) * weight / mean for weight in weights], share * len(weights)
+
+
+def _deciding(multipliers: np.ndarray) -> tuple[float, ...]:
+    """At an optimum the multipliers of f_k <= z add up to the weight of z."""
+    return tuple((multipliers / multipliers.sum()).tolist()) if len(multipliers) else ()
+
+
+def _shared(task: Program, tasks: int, has_worst: bool, threads: int) -> SharedProgram:
+    """Built once per process and kind."""
+    key = (id(task), tasks, has_worst, threads)
     if key not in _PROGRAMS:
-        _PROGRAMS[key] = build_shared_program(task, tasks)
+        _PROGRAMS[key] = build_shared_program(task, tasks, has_worst=has_worst, threads=threads)
     return _PROGRAMS[key]
-
-
-def _weigh(part: Instance, weight: float) -> Instance:
-    """The same numbers with the weights of the objective, the last two parameters, times `weight`."""
-    parameters = part.parameters.copy()
-    parameters[-2:] *= weight
-    return replace(part, parameters=parameters)

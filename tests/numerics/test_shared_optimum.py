@@ -8,13 +8,14 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from services.codesign.comparison import over_tasks
 from services.codesign.instance import build_instance
 from services.codesign.problem import Objective, Problem, Task, Transcription
 from services.codesign.program import load_program
 from services.codesign.reconcile import mean_design, project_design, violation
 from services.codesign.robot import Robot
 from services.codesign.shared_elimination import shared_elimination
-from services.codesign.shared_optimum import SharedOptimum, SharedStart, solve_shared
+from services.codesign.shared_optimum import WORST_ALONE, SharedOptimum, SharedStart, solve_shared
 from services.codesign.shared_program import build_shared_program
 from services.codesign.solution import Solution
 from services.codesign.solve import solve
@@ -60,11 +61,16 @@ def start_at(design: np.ndarray, solutions: list[Solution]) -> SharedStart:
     return SharedStart(design, [s.motion for s in solutions if s.motion is not None])
 
 
+def objectives(problems: list[Problem], design: np.ndarray) -> list[float]:
+    """The tasks' optima at a given design."""
+    found = [solve(replace(p, design=design)).objective for p in problems]
+    assert None not in found
+    return [value for value in found if value is not None]
+
+
 def total(problems: list[Problem], design: np.ndarray) -> float:
-    """Sum of the optima at a given design."""
-    solutions = [solve(replace(p, design=design)) for p in problems]
-    assert all(s.success for s in solutions)
-    return sum(s.objective for s in solutions if s.objective is not None)
+    """Their sum."""
+    return sum(objectives(problems, design))
 
 
 def test_it_is_feasible_and_at_an_optimum_of_the_joint_program(study: Study) -> None:
@@ -125,6 +131,88 @@ def test_it_can_be_stopped(study: Study) -> None:
     assert [iteration for iteration, _ in found.convergence] == [0, 1, 2, 3]
 
 
+def test_the_worst_task_gains_when_it_alone_counts(study: Study) -> None:
+    """Against the sum's design; and what decides is the worst task, which another solve with that design confirms."""
+    start = start_at(study.mean, study.own)
+    found = solve_shared(study.problems, [1.0] * 3, start, SolverOptions(), worst_share=1.0)
+    assert found.design is not None
+    assert study.shared.design is not None
+    assert found.optimality.kkt_residual < 1e-6
+    times = objectives(study.problems, found.design)
+    before = objectives(study.problems, study.shared.design)
+    assert max(times) < max(before) * 0.999
+    assert sum(times) > sum(before)
+    assert found.deciding[int(np.argmax(times))] == pytest.approx(1.0, abs=1e-2)
+    assert found.objective == pytest.approx(over_tasks(times, [1.0] * 3, WORST_ALONE), rel=SAME_OPTIMUM)
+
+
+def test_tasks_that_are_alike_decide_together(study: Study) -> None:
+    """The slowest task twice: its two copies share the worst objective's weight."""
+    problems = [study.problems[2], study.problems[0], study.problems[2]]
+    own = [study.own[2], study.own[0], study.own[2]]
+    found = solve_shared(problems, [1.0, 5.0, 1.0], start_at(study.mean, own), SolverOptions(), worst_share=0.5)
+    assert found.success
+    assert sum(found.deciding) == pytest.approx(1.0)
+    assert found.deciding[0] == pytest.approx(found.deciding[2], abs=0.02)
+    assert found.deciding[1] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_energies_have_a_worst_task_too() -> None:
+    """The objective is then a sum over the whole motion, and so is its constraint."""
+    problems = [problem(stroke, payload, objective=Objective("energy")) for stroke, payload in ((0.3, 0.0), (0.8, 2.0))]
+    own = [solve(p) for p in problems]
+    assert own[1].design is not None
+    start = start_at(own[1].design, own)
+    total = solve_shared(problems, [1.0, 1.0], start, SolverOptions())
+    worst = solve_shared(problems, [1.0, 1.0], start, SolverOptions(), worst_share=1.0)
+    assert total.design is not None
+    assert worst.design is not None
+    assert worst.optimality.kkt_residual < 1e-6
+    assert max(objectives(problems, worst.design)) < max(objectives(problems, total.design))
+
+
+def test_two_threads_give_the_answer_of_one(study: Study) -> None:
+    """The same functions of the same numbers: not a bit of difference."""
+    found = solve_shared(
+        study.problems, [1.0] * 3, start_at(study.mean, study.own), SolverOptions(), threads=2
+    )
+    assert found.design is not None
+    assert study.shared.design is not None
+    np.testing.assert_array_equal(found.design, study.shared.design)
+
+
+@pytest.mark.parametrize("kind", ["time", "energy"])
+@pytest.mark.parametrize("control", ["voltage", "current"])
+def test_derivatives_with_a_worst_task(kind: str, control: str) -> None:
+    """Against differences, along a random direction at a random point with random multipliers."""
+    transcription = Transcription("radau", 2, 4, control)
+    problems = [
+        problem(stroke, 1.0, objective=Objective(kind), transcription=transcription) for stroke in (0.3, 0.7)
+    ]
+    task = load_program(UR5, problems[0].layout, 4)
+    program = build_shared_program(task, 2, has_worst=True)
+    instance = program.instance([build_instance(p, task) for p in problems], [0.3, 0.7], 0.6)
+    p, generator = instance.parameters, np.random.default_rng(3)
+    x = 0.5 + 0.1 * generator.standard_normal(program.variables)
+    step, lam = generator.standard_normal(program.variables), generator.standard_normal(program.constraints)
+
+    def slope(at: np.ndarray) -> np.ndarray:
+        gradient: np.ndarray = (program.grad_f(at, p)[1] + program.jac_g(at, p)[1].T @ lam).full().ravel()
+        return gradient
+
+    def lagrangian(at: np.ndarray) -> float:
+        f, g = program.nlp(at, p)
+        return float(f) + float(lam @ g.full().ravel())
+
+    h = 1e-6
+    difference = (lagrangian(x + h * step) - lagrangian(x - h * step)) / (2 * h)
+    assert slope(x) @ step == pytest.approx(difference, rel=1e-6)
+    upper = program.hess_lag(x, p, 1.0, lam).full()
+    curvature = (upper + upper.T - np.diag(np.diag(upper))) @ step
+    change = (slope(x + h * step) - slope(x - h * step)) / (2 * h)
+    np.testing.assert_allclose(curvature, change, rtol=1e-5, atol=1e-6 * np.abs(change).max())
+
+
 @pytest.mark.parametrize("kind", ["time", "energy"])
 def test_derivatives_are_those_of_the_whole(kind: str) -> None:
     """Against the tasks' programs one by one, at a random point with random multipliers."""
@@ -132,7 +220,7 @@ def test_derivatives_are_those_of_the_whole(kind: str) -> None:
     task = load_program(UR5, problems[0].layout, COARSE.intervals)
     program = build_shared_program(task, 2)
     parts = [build_instance(p, task) for p in problems]
-    instance = program.instance(parts)
+    instance = program.instance(parts, [1.0, 1.0], 0.0)
     generator = np.random.default_rng(1)
     x = np.clip(0.5 + 0.1 * generator.standard_normal(program.variables), 0.2, 0.8)
     lam = generator.standard_normal(program.constraints)
@@ -161,11 +249,12 @@ def test_derivatives_are_those_of_the_whole(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["time", "energy"])
-def test_every_unknown_is_eliminated_once(kind: str) -> None:
+@pytest.mark.parametrize("has_worst", [False, True])
+def test_every_unknown_is_eliminated_once(kind: str, has_worst: bool) -> None:
     problems = [problem(0.3, 1.0, objective=Objective(kind)), problem(0.7, 3.0, objective=Objective(kind))]
     task = load_program(UR5, problems[0].layout, COARSE.intervals)
-    program = build_shared_program(task, 2)
-    instance = program.instance([build_instance(p, task) for p in problems])
+    program = build_shared_program(task, 2, has_worst=has_worst)
+    instance = program.instance([build_instance(p, task) for p in problems], [1.0, 1.0], 0.0)
     order = shared_elimination(program, instance)
     free, inequalities = instance.lower_x != instance.upper_x, instance.lower_g != instance.upper_g
     unknowns = int(free.sum() + inequalities.sum()) + program.constraints
