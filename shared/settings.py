@@ -43,6 +43,10 @@ class Settings(BaseSettings):
     enough."""
     stuck_s: float = Field(900.0, gt=0)
     """A worker is called stuck when a job has waited for so long and none of its processes holds one."""
+    shared_threads: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=1)
+    """Threads with which one process evaluates the program of all tasks (`shared_optimum`). That stage is one job, so
+    the worker's other processes are idle unless other applications are queued; threads that wait do not spin, so that
+    sharing the processors with them costs little."""
     solve_time_limit_s: float = Field(600.0, gt=0)
     """Longest time one solve may take."""
 

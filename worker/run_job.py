@@ -33,7 +33,7 @@ def run_job(engine: Engine, settings: Settings, job_id: str) -> None:
     if work is None:
         return
     with Heartbeat(engine, settings, held) as heartbeat:
-        options = SolverOptions(max_wall_time=settings.solve_time_limit_s)
+        options = SolverOptions(max_wall_time=settings.solve_time_limit_s, threads=settings.shared_threads)
         outcome = execute(work, options, heartbeat.should_stop)
     if heartbeat.gave_up:
         logger.info("job given back", accepted=release(engine, held))

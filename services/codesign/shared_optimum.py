@@ -58,7 +58,6 @@ def solve_shared(
     progress: Progress | None = None,
     *,
     worst_share: float = 0.0,
-    threads: int = 1,
 ) -> SharedOptimum:
     """Minimise over all motions and one design  (Problem 1).
 
@@ -72,11 +71,9 @@ def solve_shared(
         Called at every iteration; True stops the solve.
     worst_share
         0: the weighted sum; 1: the worst task's objective; between: a mix (`comparison.over_tasks`).
-    threads
-        How many evaluate the tasks' functions.
     """
     task = load_program(problems[0].robot, problems[0].layout, problems[0].transcription.intervals)
-    program = _shared(task, len(problems), worst_share > 0, threads)
+    program = _shared(task, len(problems), worst_share > 0, options.threads)
     parts = [build_instance(problem, task) for problem in problems]
     guess = [
         motion_guess(problem, task, part, start.design, motion).x

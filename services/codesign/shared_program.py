@@ -95,7 +95,8 @@ def build_shared_program(task: Program, tasks: int, *, has_worst: bool = False, 
     weights, worst_weight = p[-tasks - 1 : -1], p[-1]
 
     def over_tasks(function: ca.Function, *more: Any) -> Any:
-        return function.map(tasks, *(["thread", threads] if threads > 1 else []))(columns, parameters, *more)
+        mapped = function.map(tasks, "thread", threads) if threads > 1 else function.map(tasks)
+        return mapped(columns, parameters, *more)
 
     values, g_tasks = over_tasks(task.nlp)
     f = values @ weights

@@ -48,6 +48,11 @@ WARM_START_BARRIER = 1e-4
 """First barrier parameter of a start with multipliers; IPOPT's 0.1 would throw the start away."""
 
 
+SHARED_BARRIER = {"barrier_tol_factor": 1e3, "mu_target": 1e-7, "kappa_sigma": 1e5}
+"""For the program of all tasks, whose motions with time to spare leave directions flat: each barrier problem is solved
+only roughly, and the last barrier parameter is approached and kept. A third of the iterations (docs/performance.md)."""
+
+
 @dataclass(frozen=True)
 class SolverOptions:
     """What a caller may choose about a solve."""
@@ -55,6 +60,7 @@ class SolverOptions:
     tol: float = 1e-6
     max_iter: int = 500  # of one attempt
     max_wall_time: float = 120.0  # s, of all attempts together
+    threads: int = 1  # of the program of all tasks; a single task's runs on one
 
 
 @dataclass(frozen=True)
@@ -273,6 +279,8 @@ def _casadi_options(
         "sb": "yes",
         **({"mumps_pivot_order": METIS} if staged is None else staged.ipopt_options),
     }
+    if isinstance(program, SharedProgram):
+        ipopt |= SHARED_BARRIER
     if warm:
         ipopt |= {
             "warm_start_init_point": "yes",

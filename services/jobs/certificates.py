@@ -28,6 +28,7 @@ def input_hash(application: ResolvedApplication, task: int, design: np.ndarray |
     """
     resolved = application.model_dump(mode="json")
     inputs = {name: resolved[name] for name in ("robot", "objective", "motor", "transcription")}
+    del inputs["objective"]["over_tasks"]  # it shapes designs, and a motion with a given design does not depend on it
     inputs |= {"task": resolved["tasks"][task], "design_m": None if design is None else design.tolist()}
     return hashlib.sha256(json.dumps(inputs, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 

@@ -17,6 +17,9 @@ from shared.domain import JobState
 
 MOST_CONVERGENCE_POINTS = 1000
 
+LEAST_SHARE = 1e-3
+"""A task that decides less than this about the worst one's objective does not decide: the barrier leaves a trace."""
+
 
 def find_shared_optimum(work: Work, options: SolverOptions, progress: Progress) -> Outcome:
     """Solve Problem 1 from the best design known; where that is not improved upon, it stays."""
@@ -25,15 +28,22 @@ def find_shared_optimum(work: Work, options: SolverOptions, progress: Progress) 
         return Outcome(JobState.FAILED, "there is no design to start from")
     weights = [work.application.tasks[k].weight for k in inputs.tasks]
     problems = [_problem(work, inputs, k) for k in inputs.tasks]
-    found = solve_shared(problems, weights, inputs.start, options, progress)
+    share = work.application.objective.over_tasks.worst_share
+    found = solve_shared(problems, weights, inputs.start, options, progress, worst_share=share)
     if found.status == STOPPED:
         return Outcome(JobState.CANCELLED, summary=_how(found))
     better = found.design is not None and found.objective < _total_to_beat(work, inputs, problems, options, progress)
     design = found.design if better and found.design is not None else inputs.start.design
+    decide = found.deciding if better else ()
     content = design_wire(design, motor) | {
         "start": inputs.method,
         "solver_status": found.status,
         "convergence": [list(point) for point in found.convergence[-MOST_CONVERGENCE_POINTS:]],
+        "deciding_tasks": [
+            {"index": k, "name": work.application.tasks[k].name, "share": share}
+            for k, share in zip(inputs.tasks, decide, strict=bool(decide))
+            if share > LEAST_SHARE
+        ],
         "kkt_residual": finite(found.optimality.kkt_residual),
         "constraint_violation": finite(found.optimality.constraint_violation),
     }
@@ -50,7 +60,7 @@ def _problem(work: Work, inputs: SharedInputs, task: int) -> Problem:
 def _total_to_beat(
     work: Work, inputs: SharedInputs, problems: list[Problem], options: SolverOptions, progress: Progress
 ) -> float:
-    """Weighted total of the best design known, on the grid of the shared program.
+    """What the best design known is judged by, on the grid of the shared program.
 
     Motions that were refined to an accuracy lie on finer grids, where a minimum time is up to one percent shorter, so
     they are solved once more.
@@ -59,7 +69,7 @@ def _total_to_beat(
         return inputs.total
     solved = [solve(replace(problem, design=inputs.start.design), None, options, progress) for problem in problems]
     values = [float("inf") if s.objective is None else s.objective for s in solved]
-    return sum(work.application.tasks[k].weight * value for k, value in zip(inputs.tasks, values, strict=True))
+    return work.application.over_tasks(dict(zip(inputs.tasks, values, strict=True)))
 
 
 def _how(found: SharedOptimum) -> dict[str, object]:

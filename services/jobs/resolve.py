@@ -142,6 +142,11 @@ def _objective_errors(objective: ObjectiveRequest) -> Iterator[FieldError]:
     }
     if objective.kind == "weighted" and objective.alpha is None:
         yield FieldError("objective.alpha", None, "a weighted objective needs it, between 0 (time) and 1 (energy)")
+    over_tasks = objective.over_tasks
+    if over_tasks.kind == "mix" and over_tasks.share is None:
+        yield FieldError("objective.over_tasks.share", None, "a mix needs it, between 0 (sum) and 1 (worst)")
+    if over_tasks.kind != "mix" and over_tasks.share is not None:
+        yield FieldError("objective.over_tasks.share", over_tasks.share, f"belongs to mix, not to {over_tasks.kind}")
     if objective.kind != "weighted":
         for name, value in weighted.items():
             if value is not None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from pydantic import ConfigDict
 
 from services.codesign.accuracy import FIRST
+from services.codesign.comparison import over_tasks
 from services.codesign.motor_data import MotorData
 from services.codesign.problem import Accuracy, Objective, Problem, Task, Transcription
 from services.codesign.robot import Robot
@@ -61,6 +64,12 @@ class ResolvedApplication(Strict):
     def design_task(self, method: MethodName) -> int | None:
         """The task whose own design a method takes; None for methods that use all tasks."""
         return {"empirical": self.empirical_task, "worst_case": self.worst_case_task}.get(method)
+
+    def over_tasks(self, objectives: Mapping[int, float]) -> float:
+        """What one design is judged by, from the objectives of some tasks by index; infinite without any."""
+        weights = [self.tasks[k].weight for k in objectives]
+        share = self.objective.over_tasks.worst_share
+        return over_tasks(list(objectives.values()), weights, share) if objectives else math.inf
 
     def build_robot(self) -> Robot:
         """The arm."""

@@ -97,9 +97,10 @@ def comparison(engine: Engine, application_id: str) -> wire.ComparisonAnswer:
         unit=objective_unit(resolved),
         tasks_compared=list(sums.counted),
         task_names=[resolved.tasks[k].name for k in sums.counted],
+        task_weights=[resolved.tasks[k].weight for k in sums.counted],
         grid=resolved.grid,
         methods={
-            name: _totals([results[k] for k in sums.counted], shared.get(name, {}).get("design_mm"))
+            name: _totals(resolved, {k: results[k] for k in sums.counted}, shared.get(name, {}).get("design_mm"))
             for name, results in present.items()
         },
         regret={
@@ -121,9 +122,16 @@ def _solved(results: list[Result]) -> dict[int, dict[str, Any]]:
 MEASURES = ("objective", "final_time_s", "energy_V2s", "electrical_energy_J", "copper_loss_J")
 
 
-def _totals(summaries: list[dict[str, Any]], design_mm: list[list[float]] | None) -> wire.MethodTotals:
+def _totals(
+    resolved: ResolvedApplication, results: dict[int, dict[str, Any]], design_mm: list[list[float]] | None
+) -> wire.MethodTotals:
+    summaries = list(results.values())
     totals = {name: sum(summary[name] for summary in summaries) for name in MEASURES}
+    worst = max(results, key=lambda k: float(results[k]["objective"]), default=None)
     return wire.MethodTotals(
+        weighted_objective=sum(resolved.tasks[k].weight * summary["objective"] for k, summary in results.items()),
+        worst_objective=0.0 if worst is None else results[worst]["objective"],
+        worst_task=worst,
         total_objective=totals["objective"],
         total_time_s=totals["final_time_s"],
         total_energy_V2s=totals["energy_V2s"],

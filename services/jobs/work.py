@@ -30,7 +30,7 @@ class SharedInputs:
     tasks: list[int]
     references: dict[int, References]  # of a weighted objective
     method: str  # whose design is the best
-    total: float  # weighted sum of its objectives
+    total: float  # what it is judged by (`comparison.over_tasks`), infinite unless it can do every task
     start: SharedStart
 
 
@@ -85,13 +85,13 @@ def _references(own: Result | None) -> References | None:
 
 
 def _shared_inputs(session: Session, application: Application, resolved: ResolvedApplication) -> SharedInputs | None:
-    """Start from the method that solved most tasks, and among those from the one with the least total."""
+    """Start from the method that solved most tasks, and among those from the one that is best over them."""
     own = {r.task_index: r for r in results_of(session, application, Stage.CODESIGN) if "objective" in r.summary}
     motions = results_of(session, application, Stage.MOTIONS)
     found: list[tuple[int, float, MethodName, dict[int, Result]]] = []
     for method in resolved.base_methods:
         solved = {r.task_index: r for r in motions if r.method == method and "objective" in r.summary}
-        total = sum(resolved.tasks[k].weight * r.summary["objective"] for k, r in solved.items())
+        total = resolved.over_tasks({k: r.summary["objective"] for k, r in solved.items()})
         found.append((-len(solved), total, method, solved))
     _, total, method, solved = min(found, key=lambda entry: entry[:2])
     stored = session.get(Design, (application.id, application.generation, method))

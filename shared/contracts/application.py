@@ -24,6 +24,21 @@ class Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 
 
+class OverTasksRequest(Strict):
+    """How the tasks' objectives become one figure for a design that all of them share.
+
+    sum: the weighted sum; worst: the largest of them, the worst task's; mix: a share of each, in units of the sum.
+    """
+
+    kind: Literal["sum", "worst", "mix"] = "sum"
+    share: float | None = Field(None, gt=0, lt=1, description="of the worst task, `mix` only: 0 sum .. 1 worst")
+
+    @property
+    def worst_share(self) -> float:
+        """How much the worst task counts: 0 the sum, 1 the worst alone."""
+        return {"sum": 0.0, "worst": 1.0, "mix": self.share or 0.0}[self.kind]
+
+
 class ObjectiveRequest(Strict):
     """What is minimised.
 
@@ -36,6 +51,7 @@ class ObjectiveRequest(Strict):
     time_reference_s: float | None = Field(None, gt=0, description="`weighted`; default: the task's minimum time")
     energy_reference_V2s: float | None = Field(None, gt=0, description="`weighted`; default: of that motion")
     final_time_bounds_s: list[float] = Field([0.05, 20.0], min_length=2, max_length=2)
+    over_tasks: OverTasksRequest = Field(OverTasksRequest(), description="`shared_optimum`: what one design is for")
 
 
 class TaskRequest(Strict):

@@ -276,6 +276,14 @@ class OwnDesign(BaseModel):
     design_mm: list[list[float]]
 
 
+class DecidingTask(BaseModel):
+    """A task that keeps the worst task's objective from falling."""
+
+    index: int
+    name: str
+    share: float = Field(description="of the worst objective's multiplier; all together 1")
+
+
 class SharedDesign(BaseModel):
     """A design for all tasks."""
 
@@ -284,7 +292,10 @@ class SharedDesign(BaseModel):
     tasks: list[int] | None = Field(None, description="tasks in the mean")
     start: str | None = Field(None, description="shared_optimum: the method whose design it started from")
     convergence: list[list[float]] | None = Field(
-        None, description="shared_optimum: [iteration, sum of the tasks' objectives] along the solve"
+        None, description="shared_optimum: [iteration, what the design is judged by] along the solve"
+    )
+    deciding_tasks: list[DecidingTask] | None = Field(
+        None, description="shared_optimum over the worst task: the tasks that decide, from their multipliers"
     )
     distance: float | None = Field(None, description="Problem 2: sum of squared relative differences to the mean")
 
@@ -301,7 +312,10 @@ class DesignsAnswer(BaseModel):
 class MethodTotals(BaseModel):
     """One method over the tasks that every method solved."""
 
-    total_objective: float = Field(description="in the comparison's unit")
+    total_objective: float = Field(description="in the comparison's unit, every task once")
+    weighted_objective: float = Field(description="sum of weight x objective: what a design is for, unless `worst`")
+    worst_objective: float = Field(description="of the worst task")
+    worst_task: int | None = Field(description="its index; null when no task is compared")
     total_time_s: float
     total_energy_V2s: float
     total_electrical_energy_J: float
@@ -324,6 +338,7 @@ class ComparisonAnswer(BaseModel):
     unit: str
     tasks_compared: list[int]
     task_names: list[str]
+    task_weights: list[float] = Field(description="how often each task compared occurs")
     grid: GridRequest | None
     methods: dict[str, MethodTotals]
     regret: dict[str, Regret]

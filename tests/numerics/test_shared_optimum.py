@@ -28,6 +28,9 @@ COARSE = Transcription(intervals=10)
 SAME_OPTIMUM = 1e-4
 """Relative: two solves of tolerance 1e-6 that end in the same optimum."""
 
+BARRIER_LOSS = 5e-4
+"""Relative: the joint solve keeps its barrier parameter at 1e-7, which counts once for each of the many bounds."""
+
 DERIVATIVE_TOLERANCE = 1e-9
 """Relative: the gathered derivatives are the tasks' own, but for the order of additions."""
 
@@ -83,7 +86,9 @@ def test_it_is_feasible_and_at_an_optimum_of_the_joint_program(study: Study) -> 
 
 def test_each_task_alone_confirms_its_total(study: Study) -> None:
     assert study.shared.design is not None
-    assert total(study.problems, study.shared.design) == pytest.approx(study.shared.objective, rel=SAME_OPTIMUM)
+    alone = total(study.problems, study.shared.design)
+    assert alone < study.shared.objective * (1 + SAME_OPTIMUM)
+    assert alone > study.shared.objective * (1 - BARRIER_LOSS)
 
 
 def test_it_lies_between_the_own_optima_and_every_single_design(study: Study) -> None:
@@ -173,9 +178,7 @@ def test_energies_have_a_worst_task_too() -> None:
 
 def test_two_threads_give_the_answer_of_one(study: Study) -> None:
     """The same functions of the same numbers: not a bit of difference."""
-    found = solve_shared(
-        study.problems, [1.0] * 3, start_at(study.mean, study.own), SolverOptions(), threads=2
-    )
+    found = solve_shared(study.problems, [1.0] * 3, start_at(study.mean, study.own), SolverOptions(threads=2))
     assert found.design is not None
     assert study.shared.design is not None
     np.testing.assert_array_equal(found.design, study.shared.design)
@@ -185,10 +188,8 @@ def test_two_threads_give_the_answer_of_one(study: Study) -> None:
 @pytest.mark.parametrize("control", ["voltage", "current"])
 def test_derivatives_with_a_worst_task(kind: str, control: str) -> None:
     """Against differences, along a random direction at a random point with random multipliers."""
-    transcription = Transcription("radau", 2, 4, control)
-    problems = [
-        problem(stroke, 1.0, objective=Objective(kind), transcription=transcription) for stroke in (0.3, 0.7)
-    ]
+    transcription = Transcription("radau", 1, 4) if control == "voltage" else Transcription("radau", 3, 4, control)
+    problems = [problem(stroke, 1.0, objective=Objective(kind), transcription=transcription) for stroke in (0.3, 0.7)]
     task = load_program(UR5, problems[0].layout, 4)
     program = build_shared_program(task, 2, has_worst=True)
     instance = program.instance([build_instance(p, task) for p in problems], [0.3, 0.7], 0.6)

@@ -116,6 +116,9 @@ def comparison() -> wire.ComparisonAnswer:
         total = sum(solved)
         methods[name] = wire.MethodTotals(
             total_objective=total,
+            weighted_objective=total,
+            worst_objective=max(solved),
+            worst_task=counted[solved.index(max(solved))],
             total_time_s=total,
             total_energy_V2s=10 * total,
             total_electrical_energy_J=total,
@@ -131,6 +134,7 @@ def comparison() -> wire.ComparisonAnswer:
         unit="s",
         tasks_compared=counted,
         task_names=[NAMES[k] for k in counted],
+        task_weights=[1.0] * len(counted),
         grid=GRID,
         methods=methods,
         regret=regret,

@@ -18,6 +18,7 @@ from services.jobs.finish import finish
 from services.jobs.submit import submit
 from services.jobs.work import Work, load_work
 from shared.contracts.application import ApplicationRequest
+from shared.contracts.errors import InvalidInputError
 from shared.db.engine import reading
 from shared.db.tables import Application, Job
 from shared.domain import ApplicationState, JobState
@@ -89,7 +90,7 @@ def test_it_beats_every_other_method(engine: Engine, settings: Settings) -> None
 def test_a_solve_that_fails_or_ends_worse_leaves_the_best_design(
     engine: Engine, settings: Settings, monkeypatch: pytest.MonkeyPatch, status: str
 ) -> None:
-    def worse(*arguments: Any) -> SharedOptimum:
+    def worse(*arguments: Any, **_: Any) -> SharedOptimum:
         start = arguments[2]
         design = start.design * 1.01 if status == "Solve_Succeeded" else None
         return SharedOptimum(design is not None, status, design, 1e9, 5, 0.1, Optimality(1.0, 1.0), ((0, 1e9),))
@@ -103,3 +104,28 @@ def test_a_solve_that_fails_or_ends_worse_leaves_the_best_design(
     kept = np.array(results.design(engine, application_id, "shared_optimum").design_mm)
     best = np.array(results.design(engine, application_id, work.shared.method).design_mm)
     np.testing.assert_allclose(kept, best, rtol=1e-12)
+
+
+def test_the_worst_task_falls_and_its_share_is_told(engine: Engine, settings: Settings) -> None:
+    """Against the sum over the same tasks: the longest time is shorter, and that task decides alone."""
+    found = {}
+    for kind in ("sum", "worst"):
+        objective = {"kind": "time", "over_tasks": {"kind": kind}}
+        application_id, _ = submit(engine, settings, request(objective=objective))
+        run(engine)
+        found[kind] = results.comparison(engine, application_id).methods["shared_optimum"]
+    assert found["worst"].worst_task == 1
+    assert found["worst"].worst_objective < found["sum"].worst_objective
+    assert found["worst"].weighted_objective > found["sum"].weighted_objective
+    (decides,) = results.designs(engine, application_id).methods["shared_optimum"].deciding_tasks or []
+    assert (decides.name, decides.share) == ("long", pytest.approx(1.0, abs=1e-2))
+
+
+@pytest.mark.parametrize(
+    ("over_tasks", "field"),
+    [({"kind": "mix"}, "share"), ({"kind": "sum", "share": 0.5}, "share"), ({"kind": "worst", "share": 0.5}, "share")],
+)
+def test_a_share_belongs_to_a_mix(engine: Engine, settings: Settings, over_tasks: dict[str, Any], field: str) -> None:
+    with pytest.raises(InvalidInputError) as refused:
+        submit(engine, settings, request(objective={"kind": "time", "over_tasks": over_tasks}))
+    assert [error.field for error in refused.value.errors] == [f"objective.over_tasks.{field}"]
