@@ -16,7 +16,7 @@ from api.errors import install_error_handlers
 from api.metrics import QueueCollector, RequestMetrics
 from api.rate_limit import RateLimit
 from api.request_log import RequestLog
-from api.routers import applications, events, health, results, robots, session
+from api.routers import applications, events, health, results, robots, session, sweeps
 from api.too_large import TooLarge
 from api.yaml_bodies import YamlBodies
 from shared.db.engine import make_engine
@@ -57,7 +57,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(RequestLog)
     app.add_middleware(RequestMetrics, registry=context.registry)
     context.registry.register(QueueCollector(context.engine, settings.lease_s))
-    for router in (applications.router, events.router, results.router, robots.router):
+    for router in (applications.router, events.router, results.router, robots.router, sweeps.router):
         app.include_router(router, dependencies=[owned])
     for router in (session.router, health.router):
         app.include_router(router)

@@ -59,6 +59,8 @@ class Settings(BaseSettings):
     """Largest body of a request."""
     max_tasks: int = Field(2_000, ge=1)
     """Most tasks of one application."""
+    max_sweep_points: int = Field(500, ge=1)
+    """Most applications of one sweep."""
     max_points: int = Field(2_000, ge=1)
     """Most collocation points of a trajectory whose transcription is asked for (degree times intervals)."""
     max_queued_jobs: int = Field(20_000, ge=1)

@@ -14,13 +14,14 @@ from sqlalchemy.orm import InstrumentedAttribute
 
 from services.jobs.views import NotFoundError
 from shared.db.engine import reading
-from shared.db.tables import Application, UploadedRobot
+from shared.db.tables import Application, Sweep, UploadedRobot
 
 Owner = str | None
 
-OWNED: Final[Mapping[str, type[Application | UploadedRobot]]] = {
+OWNED: Final[Mapping[str, type[Application | Sweep | UploadedRobot]]] = {
     "application_id": Application,
     "robot_id": UploadedRobot,
+    "sweep_id": Sweep,
 }
 """What a parameter in a path names."""
 

@@ -19,6 +19,7 @@ from shared.contracts.application import (
     MethodName,
     MotorRequest,
     ObjectiveRequest,
+    RobotChangesRequest,
     TaskRequest,
 )
 from shared.contracts.errors import FieldError, InvalidInputError
@@ -44,7 +45,7 @@ def resolve(request: ApplicationRequest, find_robot: RobotLookup, max_tasks: int
     InvalidInputError
         With every error found.
     """
-    wire, robot = _robot(request.robot, find_robot)
+    wire, robot = _changed(*_robot(request.robot, find_robot), request.robot_changes)
     motor = _motor(request.motor)
     located = list(_tasks(request, robot, max_tasks))
     errors = list(_objective_errors(request.objective))
@@ -85,6 +86,21 @@ def _robot(given: str | dict[str, Any], find_robot: RobotLookup) -> tuple[dict[s
             [FieldError("robot", given, f"unknown robot; presets are {known}; others need an upload")]
         )
     return dict(wire), read_robot(wire, "robot")
+
+
+def _changed(wire: dict[str, Any], robot: Robot, changes: RobotChangesRequest) -> tuple[dict[str, Any], Robot]:
+    """With other gears; the joints' speed limits follow from the rotors' (`Robot.joint_speed_limit`)."""
+    if changes.gear_ratio is None:
+        return wire, robot
+    ratios = changes.gear_ratio * robot.joints if len(changes.gear_ratio) == 1 else changes.gear_ratio
+    field = "robot_changes.gear_ratio"
+    if len(ratios) != robot.joints:
+        limit = f"one number, or one for each of the robot's {robot.joints} joints"
+        raise InvalidInputError([FieldError(field, str(changes.gear_ratio), limit)])
+    if 0 in ratios:
+        raise InvalidInputError([FieldError(field, str(changes.gear_ratio), "must not be 0")])
+    changed = wire | {"gear_ratio": ratios}
+    return changed, read_robot(changed, "robot")
 
 
 def _motor(request: MotorRequest) -> MotorData:

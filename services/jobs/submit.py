@@ -7,18 +7,20 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from pydantic import BaseModel
 from sqlalchemy import Engine, select
 from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
 
 from services.jobs.limits import refuse_long_trajectories, refuse_when_full
 from services.jobs.owners import Owner, owned_by
-from services.jobs.plan import plan_first
+from services.jobs.plan import NextStage, plan_first
 from services.jobs.resolve import resolve
 from services.jobs.store import open_stage
 from services.jobs.versions import versions
 from shared.contracts.application import ApplicationRequest
 from shared.db.engine import reading, transaction
-from shared.db.tables import Application, UploadedRobot
+from shared.db.tables import Application, Sweep, UploadedRobot
 from shared.domain import ApplicationState, new_id
 from shared.settings import Settings
 
@@ -50,42 +52,58 @@ def submit(
     QueueFullError
         The owner has too many jobs in the queue already.
     """
-    body = request.model_dump(mode="json")
-    request_hash = hashlib.sha256(json.dumps(body, sort_keys=True).encode()).hexdigest()
+    request_hash = hash_of(request)
     if idempotency_key is not None:
-        idempotency_key = _of_owner(idempotency_key, owner)
-    if idempotency_key is not None and (earlier := _earlier(engine, idempotency_key, request_hash)):
+        idempotency_key = key_of_owner(idempotency_key, owner)
+    if idempotency_key is not None and (earlier := earlier_with(engine, Application, idempotency_key, request_hash)):
         return earlier, False
+    application, first = prepare(engine, settings, request, owner)
+    application.idempotency_key = idempotency_key
+    try:
+        with transaction(engine) as session:
+            refuse_when_full(session, settings, owner, len(first.jobs))
+            store(session, application, first)
+    except IntegrityError:
+        if idempotency_key is None:
+            raise
+        earlier = earlier_with(engine, Application, idempotency_key, request_hash)  # another with the key came first
+        if earlier is None:
+            raise
+        return earlier, False
+    return application.id, True
+
+
+def prepare(
+    engine: Engine, settings: Settings, request: ApplicationRequest, owner: Owner
+) -> tuple[Application, NextStage]:
+    """Check a request and make its row, with the stage it begins with; nothing is stored yet.
+
+    Raises
+    ------
+    InvalidInputError
+    """
     resolved = resolve(request, lambda robot_id: find_robot(engine, robot_id, owner), settings.max_tasks)
     refuse_long_trajectories(settings, resolved)
-    first = plan_first(resolved)
     application = Application(
         id=new_id(),
         name=request.name,
         state=ApplicationState.QUEUED,
         generation=0,
-        request=body,
+        request=request.model_dump(mode="json"),
         resolved=resolved.model_dump(mode="json"),
         versions=versions(),
         tags=list(request.tags),
-        idempotency_key=idempotency_key,
-        request_hash=request_hash,
+        request_hash=hash_of(request),
         owner=owner,
     )
-    try:
-        with transaction(engine) as session:
-            refuse_when_full(session, settings, owner, len(first.jobs))
-            session.add(application)
-            session.flush()
-            open_stage(session, application, first)
-    except IntegrityError:
-        if idempotency_key is None:
-            raise
-        earlier = _earlier(engine, idempotency_key, request_hash)  # another request with the key came first
-        if earlier is None:
-            raise
-        return earlier, False
-    return application.id, True
+    return application, plan_first(resolved)
+
+
+def store(session: Session, application: Application, first: NextStage) -> None:
+    """Write an application with its first jobs and their messages, in the caller's transaction."""
+    session.add(application)
+    session.flush()
+    open_stage(session, application, first)
 
 
 def find_robot(engine: Engine, robot_id: str, owner: Owner = None) -> Mapping[str, Any] | None:
@@ -95,16 +113,26 @@ def find_robot(engine: Engine, robot_id: str, owner: Owner = None) -> Mapping[st
         return session.scalar(select(UploadedRobot.wire).where(UploadedRobot.id == robot_id, mine))
 
 
-def _of_owner(key: str, owner: Owner) -> str:
+def hash_of(request: BaseModel) -> str:
+    """Tells two requests apart that come with the same idempotency key."""
+    return hashlib.sha256(json.dumps(request.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
+
+
+def key_of_owner(key: str, owner: Owner) -> str:
     """Two owners may have thought of the same idempotency key."""
     return key if owner is None else f"{owner}:{hashlib.sha256(key.encode()).hexdigest()}"
 
 
-def _earlier(engine: Engine, key: str, request_hash: str) -> str | None:
+def earlier_with(engine: Engine, table: type[Application | Sweep], key: str, request_hash: str) -> str | None:
+    """The id of what was submitted with this key before.
+
+    Raises
+    ------
+    IdempotencyConflictError
+        It was another request.
+    """
     with reading(engine) as session:
-        row = session.execute(
-            select(Application.id, Application.request_hash).where(Application.idempotency_key == key)
-        ).one_or_none()
+        row = session.execute(select(table.id, table.request_hash).where(table.idempotency_key == key)).one_or_none()
     if row is None:
         return None
     if row.request_hash != request_hash:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
 LONGEST_NAME = 200
 Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
@@ -79,6 +79,22 @@ class TaskSetRequest(Strict):
     """Tasks given as a grid."""
 
     grid: GridRequest
+
+
+def _one_or_each(value: Any) -> Any:
+    """A single number stands for all joints."""
+    return [value] if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+class RobotChangesRequest(Strict):
+    """What differs from the robot that is named; so a preset can be varied, and a sweep run over it."""
+
+    gear_ratio: Annotated[list[float] | None, BeforeValidator(_one_or_each)] = Field(
+        None,
+        min_length=1,
+        max_length=MOST_JOINTS,
+        description="rotor turns per joint turn: one number for all joints, or one each; < 0 where it reverses",
+    )
 
 
 class MotorRequest(Strict):
@@ -210,6 +226,7 @@ class ApplicationRequest(Strict):
 
     name: Name
     robot: RobotChoice = Field("ur5", description="a preset, the id of an uploaded robot, or a robot inline")
+    robot_changes: RobotChangesRequest = RobotChangesRequest()
     objective: ObjectiveRequest = ObjectiveRequest()
     tasks: Tasks
     motor: MotorRequest = MotorRequest()

@@ -194,6 +194,36 @@ class JobTransition(Base):
     at: Mapped[float] = mapped_column(default=now())
 
 
+class Sweep(Base):
+    """A base application and axes over its fields; each combination is an application of its own."""
+
+    __tablename__ = "sweeps"
+    __table_args__ = (Index("ix_sweeps_owner_id", "owner", "id"),)
+
+    id: Mapped[str] = mapped_column(String(32), primary_key=True)
+    name: Mapped[str] = mapped_column(String(200))
+    request: Mapped[dict[str, Any]]
+    """As submitted."""
+    tags: Mapped[list[str]]
+    idempotency_key: Mapped[str | None] = mapped_column(String(200), unique=True)
+    request_hash: Mapped[str] = mapped_column(String(64))
+    created_at: Mapped[float] = mapped_column(default=now())
+    owner: Mapped[str | None] = mapped_column(String(32))
+    """As an application's."""
+
+
+class SweepPoint(Base):
+    """One combination of a sweep's values, and its application."""
+
+    __tablename__ = "sweep_points"
+
+    sweep_id: Mapped[str] = mapped_column(ForeignKey("sweeps.id", ondelete="CASCADE"), primary_key=True)
+    position: Mapped[int] = mapped_column(primary_key=True)
+    application_id: Mapped[str] = mapped_column(ForeignKey("applications.id", ondelete="CASCADE"), unique=True)
+    axis_values: Mapped[dict[str, Any]]
+    """Value by axis."""
+
+
 class UploadedRobot(Base):
     """A robot that someone uploaded."""
 
