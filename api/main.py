@@ -7,6 +7,7 @@ import argparse
 import uvicorn
 
 from api.app import create_app
+from shared.db.migrate import require_head
 from shared.observability import configure_logging
 from shared.settings import Settings
 
@@ -20,7 +21,9 @@ def main() -> None:
     parser.add_argument("--port", type=int, default=8000)
     arguments = parser.parse_args()
     configure_logging()
-    app = create_app(Settings())
+    settings = Settings()
+    require_head(settings.database_url)
+    app = create_app(settings)
     uvicorn.run(app, host=arguments.host, port=arguments.port, access_log=False, log_config=None)
 
 

@@ -39,8 +39,10 @@ class Settings(BaseSettings):
     sweep_s: float = Field(5.0, gt=0)
     """How often expired leases and unclaimed jobs are looked for."""
     resend_after_s: float = Field(30.0, gt=0)
-    """A published job that nobody claimed is sent again after this time, doubled each time, while the queue is empty
-    enough."""
+    """A published job that nobody claimed is sent again after this time, doubled each time, when the broker holds fewer
+    messages than there are such jobs."""
+    retention_days: float = Field(0.0, ge=0)
+    """Finished applications are deleted with all they own after so many days; 0: they are kept for ever."""
     stuck_s: float = Field(900.0, gt=0)
     """A worker is called stuck when a job has waited for so long and none of its processes holds one."""
     shared_threads: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=1)

@@ -19,6 +19,7 @@ def main() -> None:
     import casadi  # noqa: F401 - loaded once here, shared by the children through the fork
     from celery.signals import worker_ready, worker_shutting_down
 
+    from shared.db.migrate import require_head
     from shared.dispatch.broker import celery_app, worker_arguments
     from shared.observability import configure_logging
     from shared.settings import Settings
@@ -28,6 +29,7 @@ def main() -> None:
 
     settings = Settings()
     configure_logging()
+    require_head(settings.database_url)
     worker_shutting_down.connect(lambda **_: begin_drain(settings.drain_s), weak=False)
     app = celery_app(settings.broker_url, task_modules=[MODULE])
     stop = threading.Event()

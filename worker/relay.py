@@ -7,17 +7,20 @@ from __future__ import annotations
 
 import signal
 import threading
-import time
+from collections.abc import Callable
+from functools import partial
 
 import structlog
 from kombu.exceptions import OperationalError
 from sqlalchemy.exc import SQLAlchemyError
 
 from services.jobs.outbox import relay
+from services.jobs.retention import forget_old
 from services.jobs.sweep import sweep
 from services.jobs.tally import tally
 from shared.db.engine import make_engine
-from shared.dispatch.broker import celery_app, send
+from shared.db.migrate import require_head
+from shared.dispatch.broker import celery_app, queue_size, send
 from shared.observability import configure_logging
 from shared.settings import Settings
 from worker.tasks import RUN_JOB
@@ -26,29 +29,47 @@ log = structlog.get_logger()
 
 
 def run_relay(settings: Settings, stop: threading.Event) -> None:
-    """Relay and sweep until `stop` is set. An outage of the database or the broker is waited out."""
+    """Relay and sweep until `stop` is set. An outage of the database or the broker is waited out.
+
+    The sweep has a thread of its own: a broker that does not answer holds up a message for seconds, and must not hold
+    up the recovery of lost jobs.
+    """
     engine, app = make_engine(settings.database_url), celery_app(settings.broker_url)
-    next_sweep = 0.0
+
+    def send_due() -> None:
+        wake = partial(send, app, RUN_JOB)
+        if not relay(engine, wake, settings.resend_after_s, partial(queue_size, app)):
+            stop.wait(settings.relay_poll_s)
+
+    def tidy() -> None:
+        if recovered := sweep(engine, settings.max_attempts):
+            log.warning("leases expired", jobs=recovered)
+        tally(engine)
+        if forgotten := forget_old(engine, settings.retention_days):
+            log.info("old applications deleted", applications=forgotten)
+        stop.wait(settings.sweep_s)
+
+    sweeper = threading.Thread(target=_repeat, args=(tidy, stop, "sweep"), name="sweep")
+    sweeper.start()
+    _repeat(send_due, stop, "relay")
+    sweeper.join()
+    engine.dispose()
+
+
+def _repeat(act: Callable[[], None], stop: threading.Event, what: str) -> None:
     while not stop.is_set():
         try:
-            sent = relay(engine, lambda job_id: send(app, RUN_JOB, job_id), settings.resend_after_s)
-            if time.monotonic() >= next_sweep:
-                next_sweep = time.monotonic() + settings.sweep_s
-                tally(engine)
-                if recovered := sweep(engine, settings.max_attempts):
-                    log.warning("leases expired", jobs=recovered)
-            if not sent:
-                stop.wait(settings.relay_poll_s)
+            act()
         except (SQLAlchemyError, OSError, OperationalError) as error:
-            log.warning("relay interrupted", error=str(error))
+            log.warning(f"{what} interrupted", error=str(error))
             stop.wait(1.0)
-    engine.dispose()
 
 
 def main() -> None:
     """Process entry: ends on SIGTERM and SIGINT."""
     settings = Settings()
     configure_logging()
+    require_head(settings.database_url)
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())

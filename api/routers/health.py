@@ -11,7 +11,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from api.context import Context, Ctx
 from services.jobs.queue import queue_depth
-from shared.db.migrate import current_revision, head_revision
+from shared.db.migrate import revision_problem
 from shared.dispatch.broker import broker_reachable
 
 router = APIRouter(tags=["operations"])
@@ -36,9 +36,9 @@ def readyz(ctx: Ctx) -> JSONResponse:
 def _checks(ctx: Context) -> dict[str, Any]:
     checks: dict[str, Any] = {}
     try:
-        current, head = current_revision(ctx.engine), head_revision()
-        checks["database"] = "ok" if current == head else f"at revision {current}, this version needs {head}"
-        if current == head:
+        problem = revision_problem(ctx.engine)
+        checks["database"] = problem or "ok"
+        if problem is None:
             depth = queue_depth(ctx.engine)
             checks |= {
                 "queued_jobs": depth.queued,

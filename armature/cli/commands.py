@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from armature.cli import export, keys, local, motions, remote, robots
+from armature.cli import export, local, motions, operator, remote, robots
 from armature.cli.exit_codes import HELP
 from armature.cli.failures import Commands
 
@@ -24,7 +24,8 @@ app.command(rich_help_panel=HERE)(local.run)
 app.command(rich_help_panel=HERE)(local.up)
 app.command("list", rich_help_panel=SERVER)(remote.list_applications)
 app.add_typer(robots.app, name="robot", rich_help_panel=SERVER)
-app.add_typer(keys.app, name="key", rich_help_panel=OPERATOR)
+app.command(rich_help_panel=OPERATOR)(operator.migrate)
+app.add_typer(operator.app, name="key", rich_help_panel=OPERATOR)
 for command in (
     remote.submit,
     remote.status,

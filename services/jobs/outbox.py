@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from sqlalchemy import Engine, select, update
+from sqlalchemy import Engine, func, select, update
+from sqlalchemy.orm import Session
 
 from shared.db.clock import now
 from shared.db.engine import reading, transaction
@@ -14,11 +15,15 @@ BATCH = 500
 MOST_DOUBLINGS = 6
 
 
-def relay(engine: Engine, send: Callable[[str], None], resend_after_s: float) -> int:
+def relay(
+    engine: Engine, send: Callable[[str], None], resend_after_s: float, backlog: Callable[[], int] = lambda: 0
+) -> int:
     """Publish due messages, oldest first, then mark them; returns how many.
 
     A published job stays in the outbox until it is claimed, and is sent again after `resend_after_s`, twice that,
-    and so on: a broker may lose its queue. Published first and marked after, so that a crash in between doubles
+    and so on: a broker may lose its queue. `backlog` counts the messages that the broker holds; while it holds one for
+    each job that was sent and not claimed, nothing was lost, and nothing is sent again. So there are never more
+    messages than jobs, however long they wait. Published first and marked after, so that a crash in between doubles
     messages and loses none.
     """
     with reading(engine) as session:
@@ -30,13 +35,32 @@ def relay(engine: Engine, send: Callable[[str], None], resend_after_s: float) ->
         ).all()
     if not due:
         return 0
-    for row in due:
-        send(row.job_id)
+    first = [row.job_id for row in due if not row.sent]
+    again = [row.job_id for row in due if row.sent]
+    lost = max(0, _unclaimed(engine) - backlog()) if again else 0
+    sending, waiting = first + again[:lost], again[lost:]
+    for job_id in sending:
+        send(job_id)
+    chosen = set(sending)
     with transaction(engine) as session:
-        for sent in {row.sent for row in due}:
-            session.execute(
-                update(Outbox)
-                .where(Outbox.job_id.in_([row.job_id for row in due if row.sent == sent]), Outbox.due_at.is_not(None))
-                .values(due_at=now() + resend_after_s * 2 ** min(sent, MOST_DOUBLINGS), sent=sent + 1)
+        for sent in {row.sent for row in due if row.job_id in chosen}:
+            _put_off(
+                session,
+                [row.job_id for row in due if row.sent == sent and row.job_id in chosen],
+                resend_after_s * 2 ** min(sent, MOST_DOUBLINGS),
+                sent + 1,
             )
-    return len(due)
+        _put_off(session, waiting, resend_after_s)
+    return len(sending)
+
+
+def _put_off(session: Session, job_ids: list[str], seconds: float, sent: int | None = None) -> None:
+    """Unless they were claimed meanwhile."""
+    values = {"due_at": now() + seconds} | ({} if sent is None else {"sent": sent})
+    session.execute(update(Outbox).where(Outbox.job_id.in_(job_ids), Outbox.due_at.is_not(None)).values(values))
+
+
+def _unclaimed(engine: Engine) -> int:
+    """Jobs that were sent and not claimed since."""
+    with reading(engine) as session:
+        return session.scalar(select(func.count()).where(Outbox.due_at.is_not(None), Outbox.sent > 0)) or 0

@@ -10,7 +10,9 @@ from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import Engine, make_url
+from sqlalchemy.exc import OperationalError
 
+from shared.db.engine import make_engine
 from shared.settings import Settings
 
 MIGRATIONS = Path(__file__).resolve().parents[2] / "migrations"
@@ -46,6 +48,32 @@ def current_revision(engine: Engine) -> str | None:
     """Revision that a database is at; None when it is empty."""
     with engine.connect() as connection:
         return MigrationContext.configure(connection).get_current_revision()
+
+
+def revision_problem(engine: Engine) -> str | None:
+    """What to do about a database that this version cannot work with; None: nothing."""
+    current, head = current_revision(engine), head_revision()
+    if current == head:
+        return None
+    return (
+        f"the database is at revision {current or 'none'}, this version needs {head}: "
+        "run 'armature migrate' or the migrate job first"
+    )
+
+
+def require_head(database_url: str) -> None:
+    """End the process with a message when the database is at another revision.
+
+    One that cannot be reached is waited for elsewhere.
+    """
+    engine = make_engine(database_url)
+    try:
+        if problem := revision_problem(engine):
+            raise SystemExit(problem)
+    except OperationalError:
+        return
+    finally:
+        engine.dispose()
 
 
 class _one_at_a_time:  # noqa: N801 - used as a context manager

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
 from alembic import command
 from sqlalchemy import inspect
 
 from shared.db.engine import make_engine
-from shared.db.migrate import alembic_config, current_revision, downgrade, head_revision, upgrade
+from shared.db.migrate import alembic_config, current_revision, downgrade, head_revision, require_head, upgrade
 from shared.db.tables import Base
 
 
@@ -22,3 +23,11 @@ def test_upgrade_gives_the_models_and_downgrade_takes_all_back(database_url: str
         assert inspect(engine).get_table_names() == ["alembic_version"]
     finally:
         engine.dispose()
+
+
+def test_a_database_at_another_revision_is_named(database_url: str) -> None:
+    upgrade(database_url, "0001")
+    with pytest.raises(SystemExit, match=f"at revision 0001, this version needs {head_revision()}: run 'armature"):
+        require_head(database_url)
+    upgrade(database_url)
+    require_head(database_url)

@@ -278,3 +278,22 @@ def test_a_job_given_back_after_a_cancel_is_cancelled(engine: Engine, settings: 
     assert release(engine, held)
     assert state_of(engine, application_id)[0] == ApplicationState.CANCELLED
     assert_history_is_sound(engine, application_id)
+
+
+def test_nothing_is_sent_again_while_the_broker_holds_a_message_for_each_job(
+    engine: Engine, settings: Settings
+) -> None:
+    submit(engine, settings, application())
+    sent: list[str] = []
+
+    def later(backlog: int) -> int:
+        with transaction(engine) as session:
+            session.execute(text("UPDATE outbox SET due_at = due_at - 10000"))
+        return relay(engine, sent.append, 30.0, lambda: backlog)
+
+    assert later(0) == 3
+    assert [later(3) for _ in range(50)] == [0] * 50  # a long wait in a long queue
+    assert later(2) == 1  # one message was lost
+    assert later(0) == 3  # all were
+    take(engine)
+    assert later(2) == 0

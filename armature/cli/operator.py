@@ -1,4 +1,4 @@
-"""API keys, in the database that the settings name: `armature key create NAME`, `list`, `revoke`."""
+"""For the operator, in the database that the settings name: `armature migrate`, `armature key create NAME`."""
 
 from __future__ import annotations
 
@@ -55,6 +55,15 @@ def revoke(key: Annotated[str, typer.Argument(metavar="ID_OR_NAME", show_default
         messages().print(f"there is no valid key {key}")
         raise typer.Exit(1)
     messages().print(f"revoked: {key} ({count})" if count > 1 else f"revoked: {key}")
+
+
+def migrate() -> None:
+    """Bring the database of the settings to this version's revision. Once for each update, before anything starts."""
+    from shared.db.migrate import head_revision, upgrade
+    from shared.settings import Settings
+
+    upgrade(Settings().database_url)
+    messages().print(f"the database is at revision {head_revision()}")
 
 
 @contextmanager
