@@ -66,10 +66,14 @@ def comparison(values: dict[str, list[float]], compared: list[int]) -> Compariso
             "unit": "s",
             "tasks_compared": compared,
             "task_names": [f"task {k} [of four]" for k in compared],
+            "task_weights": [1.0] * len(compared),
             "grid": GRID,
             "methods": {
                 name: MethodTotals(
                     total_objective=sum(times),
+                    weighted_objective=sum(times),
+                    worst_objective=max(times),
+                    worst_task=compared[times.index(max(times))],
                     total_time_s=sum(times),
                     total_energy_V2s=1.0,
                     total_electrical_energy_J=1.0,
