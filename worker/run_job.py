@@ -16,6 +16,7 @@ from services.jobs.finish import finish
 from services.jobs.work import load_work
 from shared.settings import Settings
 from worker.drain import drained
+from worker.patience import patiently
 from worker.sign_of_life import worker_name
 
 log = structlog.get_logger()
@@ -23,13 +24,13 @@ log = structlog.get_logger()
 
 def run_job(engine: Engine, settings: Settings, job_id: str) -> None:
     """Claim a job, solve it, record the outcome. A job that is not queued is left alone."""
-    held = claim(engine, job_id, worker_name(), settings.lease_s)
+    held = patiently(lambda: claim(engine, job_id, worker_name(), settings.lease_s))
     if held is None:
         log.info("job not queued, message ignored", job=job_id)
         return
     logger = log.bind(job=job_id, application=held.application_id, stage=held.spec.stage, task=held.spec.task_index)
     logger.info("job claimed", token=held.token)
-    work = load_work(engine, held)
+    work = patiently(lambda: load_work(engine, held))
     if work is None:
         return
     with Heartbeat(engine, settings, held) as heartbeat:
@@ -38,7 +39,7 @@ def run_job(engine: Engine, settings: Settings, job_id: str) -> None:
     if heartbeat.gave_up:
         logger.info("job given back", accepted=release(engine, held))
         return
-    accepted = finish(engine, held, outcome)
+    accepted = patiently(lambda: finish(engine, held, outcome))
     logger.info("job finished", state=outcome.state, value=outcome.value, reason=outcome.reason, accepted=accepted)
 
 

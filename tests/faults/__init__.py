@@ -1,0 +1,1 @@
+"""Real processes, killed and frozen; judged by the history in the database."""
