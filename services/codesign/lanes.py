@@ -33,7 +33,13 @@ static inline void put(double *x, long stride, lanes y) {{
 }}
 """
 
-_MATH = {ca.OP_SIN: "sin", ca.OP_COS: "cos", ca.OP_SQRT: "sqrt", ca.OP_ASIN: "asin"}
+_MATH = {
+    ca.OP_SIN: "sin",
+    ca.OP_COS: "cos",
+    ca.OP_SQRT: "sqrt",
+    ca.OP_ASIN: "asin",
+    ca.OP_TANH: "tanh",  # Coulomb friction
+}
 
 _FORMS: dict[int, Callable[..., str]] = {
     ca.OP_ADD: "{} + {}".format,
