@@ -65,7 +65,8 @@ def solve_accurately(
 ) -> AccurateSolution:
     """Solve a problem so that its replay meets `accuracy`; the problem's own transcription is not looked at.
 
-    When it cannot be reached within `MOST_REFINEMENTS` solves and `MOST_INTERVALS` intervals, or a refined solve
+    An energy balance of the replay that stays open fails the motion too, but a finer grid would not close it. When the
+    accuracy cannot be reached within `MOST_REFINEMENTS` solves and `MOST_INTERVALS` intervals, or a refined solve
     fails, the last motion is returned with `met` false. A solve that is stopped is returned as it is, without rounds.
     """
     deadline = time.monotonic() + options.max_wall_time
@@ -73,7 +74,7 @@ def solve_accurately(
     if not solution.success:
         return AccurateSolution(solution, (), met=False)
     rounds = [Round(first, certify(solution))]
-    while not rounds[-1].certificate.meets(accuracy) and len(rounds) <= MOST_REFINEMENTS:
+    while not rounds[-1].certificate.keeps(accuracy) and len(rounds) <= MOST_REFINEMENTS:
         finer = refined(solution.problem.transcription, rounds[-1].certificate, accuracy)
         if finer is None or time.monotonic() > deadline:
             break

@@ -24,6 +24,9 @@ LIMITS = ("joint_range", "rotor_speed", "current", "voltage")
 BALANCE_TOLERANCE = 1e-6
 """Part of the energy turned over by which a balance may stay open: the integrator's errors come to 1e-7."""
 
+BALANCE_FLOOR = 1e-6
+"""J by which any balance may stay open: an arm that hardly moves turns nothing over."""
+
 
 @dataclass(frozen=True)
 class LimitCheck:
@@ -42,8 +45,8 @@ class EnergyBalance:
 
     @property
     def closed(self) -> bool:
-        """Whether the residual is within `BALANCE_TOLERANCE` of what was turned over."""
-        return abs(self.residual) <= BALANCE_TOLERANCE * self.turned_over
+        """Whether the residual is within `BALANCE_TOLERANCE` of what was turned over, or within `BALANCE_FLOOR`."""
+        return abs(self.residual) <= max(BALANCE_TOLERANCE * self.turned_over, BALANCE_FLOOR)
 
 
 @dataclass(frozen=True)
@@ -78,7 +81,17 @@ class Certificate:
         """Largest over all limits, at the grid points and between them, as a share of the limit."""
         return max(max(check.at_points, check.between_points) for check in self.limits.values())
 
+    @property
+    def balanced(self) -> bool:
+        """Whether both energy balances are closed; without a replay neither is."""
+        balances = (self.electrical_balance, self.mechanical_balance)
+        return all(balance is not None and balance.closed for balance in balances)
+
     def meets(self, accuracy: Accuracy) -> bool:
+        """Whether the motion keeps `accuracy`, and the replay that says so accounts for all energy."""
+        return self.keeps(accuracy) and self.balanced
+
+    def keeps(self, accuracy: Accuracy) -> bool:
         """Whether the replay ends within the tolerances, and no limit is exceeded by more than allowed."""
         if self.replay_position is None or self.replay_speed is None:
             return False

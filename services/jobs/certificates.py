@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from services.codesign.accuracy import AccurateSolution, Round
-from services.codesign.certify import Certificate, EnergyBalance
+from services.codesign.certify import BALANCE_TOLERANCE, Certificate, EnergyBalance
 from services.codesign.problem import Accuracy, Transcription
 from services.codesign.replay import Energies
 from services.jobs.resolved import ResolvedApplication
@@ -83,10 +83,23 @@ def missed(found: AccurateSolution, accuracy: Accuracy) -> str:
     grid = f"{transcription.intervals} intervals of degree {transcription.degree}"
     if certificate.replay_position is None or certificate.replay_speed is None:
         return f"the motion was solved on {grid}, but its voltages cannot be replayed to the end"
+    if certificate.keeps(accuracy):
+        return f"the motion was solved on {grid}, but the energies of its replay do not add up: {_open(certificate)}"
     return (
         f"the accuracy asked for was not reached on {grid}: the replay ends {certificate.replay_position:.2g} rad and "
         f"{certificate.replay_speed:.2g} rad/s off ({accuracy.position:g} rad and {accuracy.speed:g} rad/s allowed), "
         f"and exceeds a limit by {certificate.limit_violation:.2%} ({accuracy.limit:.2%} allowed)"
+    )
+
+
+def _open(certificate: Certificate) -> str:
+    """The balances that are not closed, in words."""
+    balances = {"electrical": certificate.electrical_balance, "mechanical": certificate.mechanical_balance}
+    return " and ".join(
+        f"{balance.residual:.2g} J of {balance.turned_over:.3g} J turned over are left in the {name} balance "
+        f"({BALANCE_TOLERANCE:g} of it allowed)"
+        for name, balance in balances.items()
+        if balance is not None and not balance.closed
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from services.codesign import accuracy as accuracy_module
 from services.codesign.accuracy import FIRST, MOST_INTERVALS, refined, solve_accurately
 from services.codesign.certify import BALANCE_TOLERANCE, Certificate, Growth, LimitCheck, certify
 from services.codesign.motion import Motion, motors_of_design
@@ -17,6 +18,7 @@ from services.codesign.runge_kutta import Stepper
 from services.codesign.solve import Solution, SolverOptions, solve
 from services.codesign.solver import STOPPED
 from services.codesign.voltage_law import VoltageLaw, path_of, voltage_law
+from services.jobs.certificates import missed
 from tests.numerics.arms import random_designs, random_robot
 from tests.numerics.tasks import UR5, paper_problem, paper_task, solved
 from tests.numerics.test_collocation import DESIGN, STARTS, U_D, U_Q, pendulum, pendulum_end
@@ -276,6 +278,17 @@ def test_default_transcription_keeps_the_default_accuracy():
     certificate = certify(solve(replace(paper_problem(0.6, 2.0), transcription=FIRST)))
     assert certificate.meets(Accuracy())
     assert not certify(solved(0.6, 2.0)).meets(Accuracy())
+
+
+def test_an_open_energy_balance_is_not_trusted(monkeypatch):
+    """A replay that loses a thousandth of the shaft's work fails the motion, and no finer grid is tried."""
+    certificate = certify(solve(replace(paper_problem(0.6, 2.0), transcription=FIRST)))
+    lossy = replace(certificate.mechanical_balance, residual=1e-3 * certificate.energies.shaft)
+    monkeypatch.setattr(accuracy_module, "certify", lambda _: replace(certificate, mechanical_balance=lossy))
+    found = solve_accurately(paper_problem(0.6, 2.0), Accuracy(), SolverOptions())
+    assert certificate.balanced
+    assert (found.met, len(found.rounds)) == (False, 1)
+    assert "left in the mechanical balance (1e-06 of it allowed)" in missed(found, Accuracy())
 
 
 def test_a_stop_during_a_refinement_is_a_stop():
