@@ -50,7 +50,7 @@ WARM_START_BARRIER = 1e-4
 
 SHARED_BARRIER = {"barrier_tol_factor": 1e3, "mu_target": 1e-7, "kappa_sigma": 1e5}
 """For the program of all tasks, whose motions with time to spare leave directions flat: each barrier problem is solved
-only roughly, and the last barrier parameter is approached and kept. A third of the iterations (docs/performance.md)."""
+only roughly, and the last barrier parameter is approached and kept (docs/decisions/0005, which says what it saves)."""
 
 
 @dataclass(frozen=True)
