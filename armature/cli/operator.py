@@ -68,15 +68,17 @@ def migrate() -> None:
 
 @contextmanager
 def _database() -> Iterator[Engine]:
-    """The settings' database, made where there is none yet."""
+    """The settings' database, made where there is none yet; one at another revision is left alone."""
     from shared.db.engine import make_engine
-    from shared.db.migrate import upgrade
+    from shared.db.migrate import current_revision, require_head, upgrade
     from shared.settings import Settings
 
     url = Settings().database_url
-    upgrade(url)
     engine = make_engine(url)
     try:
+        if current_revision(engine) is None:
+            upgrade(url)
+        require_head(url)
         yield engine
     finally:
         engine.dispose()

@@ -39,19 +39,18 @@ def relay(
     again = [row.job_id for row in due if row.sent]
     lost = max(0, _unclaimed(engine) - backlog()) if again else 0
     sending, waiting = first + again[:lost], again[lost:]
-    for job_id in sending:
-        send(job_id)
-    chosen = set(sending)
-    with transaction(engine) as session:
-        for sent in {row.sent for row in due if row.job_id in chosen}:
-            _put_off(
-                session,
-                [row.job_id for row in due if row.sent == sent and row.job_id in chosen],
-                resend_after_s * 2 ** min(sent, MOST_DOUBLINGS),
-                sent + 1,
-            )
-        _put_off(session, waiting, resend_after_s)
-    return len(sending)
+    gone: set[str] = set()
+    try:
+        for job_id in sending:
+            send(job_id)
+            gone.add(job_id)
+    finally:  # a broker that fails half-way has the first half
+        with transaction(engine) as session:
+            for sent in {row.sent for row in due if row.job_id in gone}:
+                job_ids = [row.job_id for row in due if row.sent == sent and row.job_id in gone]
+                _put_off(session, job_ids, resend_after_s * 2 ** min(sent, MOST_DOUBLINGS), sent + 1)
+            _put_off(session, waiting, resend_after_s)
+    return len(gone)
 
 
 def _put_off(session: Session, job_ids: list[str], seconds: float, sent: int | None = None) -> None:

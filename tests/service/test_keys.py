@@ -12,6 +12,7 @@ from sqlalchemy import Engine, select, text
 from api.app import create_app
 from armature import Client
 from services.jobs.keys import create_key, list_keys, revoke_key
+from services.jobs.owners import OWNED
 from shared.db.engine import reading, transaction
 from shared.db.tables import ApiKey, BrowserSession
 from shared.domain import JobState
@@ -76,18 +77,25 @@ def test_a_second_key_finds_nothing_of_the_first(app_client: TestClient, engine:
     drain(engine)
     robot = app_client.post("/v1/robots", json=app_client.get("/v1/robots/ur5", headers=bearer(mine)).json(),
                             headers=bearer(mine)).json()["id"]  # fmt: skip
-    named = {"application_id": application, "robot_id": robot}
-    nothing = {"application_id": "nothing", "robot_id": "nothing"}
+    axes = {"objective.alpha": [0.2, 0.8]}
+    asked = {"name": "two", "application": body(objective={"kind": "weighted"}), "axes": axes}
+    sweep = app_client.post("/v1/sweeps", json=asked, headers=bearer(mine)).json()["id"]
+    named = {"application_id": application, "robot_id": robot, "sweep_id": sweep}
+    assert named.keys() == OWNED.keys()
+    nothing = dict.fromkeys(named, "nothing")
     tried = 0
     for method, path in operations(app_client):
         if not any(f"{{{name}}}" in path for name in named):
+            assert "_id}" not in path, f"{path} names something that belongs to nobody"
             continue
         tried += 1
         answer = app_client.request(method, of(path, **named), headers=bearer(other), json={})
         assert answer.status_code == 404, (method, path, answer.text)
         unknown = app_client.request(method, of(path, **nothing), headers=bearer(other), json={})
         said, expected = answer.json()["detail"], unknown.json()["detail"]
-        assert said.replace(application, "nothing").replace(robot, "nothing") == expected, (method, path)
+        for value in named.values():
+            said = said.replace(value, "nothing")
+        assert said == expected, (method, path)
     assert tried > 15
     assert app_client.get("/v1/applications", headers=bearer(other)).json()["items"] == []
     kinds = {item["kind"] for item in app_client.get("/v1/robots", headers=bearer(other)).json()["items"]}
@@ -96,9 +104,9 @@ def test_a_second_key_finds_nothing_of_the_first(app_client: TestClient, engine:
     assert refused.status_code == 422
     # And the owner still has it all.
     assert app_client.get(f"/v1/applications/{application}/design", headers=bearer(mine)).status_code == 200
-    assert [item["id"] for item in app_client.get("/v1/applications", headers=bearer(mine)).json()["items"]] == [
-        application
-    ]
+    kept = [item["id"] for item in app_client.get("/v1/applications", headers=bearer(mine)).json()["items"]]
+    assert application in kept
+    assert len(kept) == 3
     submitted(app_client, mine, robot=robot)
 
 
