@@ -47,7 +47,7 @@ RETRY_WAITS_S = (0.1, 0.2, 0.4, 0.8, 1.6)
 """Pauses before a call is tried again when nobody answers, or the server is busy (503)."""
 
 TASKS_A_PAGE = 200
-BUSY = 503
+NOT_FOUND, BUSY = 404, 503
 
 
 class Client:
@@ -162,6 +162,8 @@ class Client:
     def request(self, method: str, path: str, **options: Any) -> httpx.Response:
         """One call, repeated while nobody answers or the server is busy.
 
+        A DELETE that is repeated and finds nothing was done the time before, when its answer was lost.
+
         Raises
         ------
         ServerUnreachableError
@@ -169,14 +171,15 @@ class Client:
         ProblemError
             The answer was not a success.
         """
-        for pause in (*self._retry_waits_s, None):
+        for attempt, pause in enumerate((*self._retry_waits_s, None)):
             try:
                 response = self._http.request(method, path, **options)
             except httpx.TransportError as error:
                 if pause is None:
                     raise ServerUnreachableError(self.url, str(error) or type(error).__name__) from error
             else:
-                if response.is_success:
+                deleted_before = method == "DELETE" and attempt > 0 and response.status_code == NOT_FOUND
+                if response.is_success or deleted_before:
                     return response
                 if response.status_code != BUSY or pause is None:
                     raise problem_of(response)

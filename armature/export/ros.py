@@ -16,28 +16,14 @@ from shared.contracts.results import Trajectory
 NANOSECONDS = 1_000_000_000
 
 
-def joint_names(joints: int) -> list[str]:
-    """joint_1, joint_2, ..., when nobody gave others."""
-    return [f"joint_{k + 1}" for k in range(joints)]
-
-
-def joint_trajectory(motion: Trajectory, names: Sequence[str] | None = None) -> dict[str, Any]:
+def joint_trajectory(motion: Trajectory, names: Sequence[str]) -> dict[str, Any]:
     """The message as plain data, for JSON and YAML.
 
     Parameters
     ----------
     names
-        Of the joints, as the robot's controller knows them; default joint_1, joint_2, ...
-
-    Raises
-    ------
-    ValueError
-        There are more or fewer names than joints.
+        Of the joints, as the robot's controller knows them, in their order.
     """
-    joints = len(motion.joint_position_rad[0])
-    names = joint_names(joints) if names is None else list(names)
-    if len(names) != joints:
-        raise ValueError(f"joint names: {len(names)} were given, the robot has {joints} joints")
     rows = zip(
         motion.time_s,
         motion.joint_position_rad,
@@ -48,7 +34,7 @@ def joint_trajectory(motion: Trajectory, names: Sequence[str] | None = None) -> 
     )
     return {
         "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""},
-        "joint_names": names,
+        "joint_names": list(names),
         "points": [
             {
                 "positions": position,

@@ -81,12 +81,48 @@ def test_npz(tmp_path: Path) -> None:
             assert read[name].tolist() == getattr(motion(), name)
 
 
+def test_joint_csv(tmp_path: Path) -> None:
+    """A column a joint and quantity, under the joint's name, with the unit."""
+    path, wanted = tmp_path / "motion.joints.csv", motion()
+    write_motion(wanted, path, Format.JOINT_CSV, ["base", "elbow", "wrist"])
+    table = pd.read_csv(path)
+    quantities = ("position_rad", "speed_rad_s", "acceleration_rad_s2", "torque_Nm")
+    assert list(table)[:5] == ["time_s", *(f"base_{quantity}" for quantity in quantities)]
+    assert len(list(table)) == 1 + 4 * JOINTS
+    assert table["time_s"].tolist() == wanted.time_s
+    assert table["elbow_position_rad"].tolist() == [row[1] for row in wanted.joint_position_rad]
+    assert table["wrist_speed_rad_s"].tolist() == [row[2] for row in wanted.joint_speed_rad_s]
+    assert table["wrist_torque_Nm"].tolist() == [row[2] for row in wanted.joint_torque_Nm]
+    assert table["elbow_acceleration_rad_s2"].tolist() == joint_acceleration(wanted)[:, 1].tolist()
+
+
+def test_a_write_that_fails_leaves_the_file_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither half a file nor a part of one; what was there before stays."""
+
+    def break_off(_columns: Any, path: Path) -> None:
+        path.write_text("half")
+        raise OSError("no space left")
+
+    path = tmp_path / "motion.csv"
+    path.write_text("before")
+    monkeypatch.setattr("armature.export.files.write_csv", break_off)
+    with pytest.raises(OSError, match="no space left"):
+        write_motion(motion(), path, Format.CSV)
+    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("motion.csv", "before")]
+
+
 @pytest.mark.parametrize(("kind", "load"), [(Format.ROS_JSON, json.loads), (Format.ROS_YAML, yaml.safe_load)])
 def test_ros(tmp_path: Path, kind: Format, load: Any) -> None:
-    """The fields of trajectory_msgs/JointTrajectory and JointTrajectoryPoint, all of them and no other."""
+    """The fields of trajectory_msgs/JointTrajectory and JointTrajectoryPoint, all of them and no other.
+
+    ros2/common_interfaces: JointTrajectory = std_msgs/Header header, string[] joint_names, JointTrajectoryPoint[]
+    points; JointTrajectoryPoint = float64[] positions (rad), velocities (rad/s), accelerations (rad/s2), effort (N m)
+    and builtin_interfaces/Duration time_from_start (int32 sec, uint32 nanosec).
+    """
     path, wanted = tmp_path / "motion", motion()
     write_motion(wanted, path, kind)
     message = load(path.read_text())
+    assert all(type(value) is float for point in message["points"] for value in point["accelerations"])
     assert set(message) == {"header", "joint_names", "points"}
     assert message["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
     assert message["joint_names"] == ["joint_1", "joint_2", "joint_3"]
@@ -110,8 +146,10 @@ def test_durations_stay_below_a_second_of_nanoseconds(seconds: float, sec: int, 
 
 
 def test_wrong_number_of_joint_names(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="1 were given, the robot has 3 joints"):
-        write_motion(motion(), tmp_path / "motion.json", Format.ROS_JSON, ["base"])
+    for names, why in ((["base"], "1 were given, the robot has 3 joints"), (["a", "b", "a"], "one comes twice")):
+        with pytest.raises(ValueError, match=why):
+            write_motion(motion(), tmp_path / "motion.json", Format.ROS_JSON, names)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("scheme", ["radau", "legendre"])

@@ -55,6 +55,16 @@ def test_a_submission_is_repeated_with_the_same_key(client_of: Callable[..., Cli
     assert len(keys) == 1
 
 
+def test_a_repeated_delete_that_finds_nothing_has_done_its_work(client_of: Callable[..., Client]) -> None:
+    """Its first answer was lost on the way; a first one that finds nothing is still an error."""
+    gone = httpx.Response(404, json={"detail": "there is no application abc"})
+    client_of(Script(httpx.ReadTimeout("lost"), gone)).application("abc").delete()
+    with pytest.raises(NotFoundError):
+        client_of(Script(gone)).application("abc").delete()
+    with pytest.raises(NotFoundError):
+        client_of(Script(httpx.ReadTimeout("lost"), gone)).application("abc").cancel()
+
+
 def test_two_submissions_have_two_keys(client_of: Callable[..., Client]) -> None:
     script = Script(ACCEPTED, ACCEPTED)
     client = client_of(script)
