@@ -11,10 +11,10 @@ READY_TO_DEVELOP := $(VENV)/.ready-to-develop
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test bench docs lint format lock clean
+.PHONY: help setup demo test test-faults bench docs lint format lock clean
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 setup: $(READY) ## make .venv with everything the service needs, locked by hash; gives .venv/bin/armature
 
@@ -23,6 +23,9 @@ demo: $(READY) ## the paper's application, end to end: 25 tasks, one design, com
 
 test: lint ## lint, types, layers, then all tests
 	$(BIN)/pytest
+
+test-faults: $(READY_TO_DEVELOP) ## kill and freeze everything as often as docs/reliability.md says (a quarter of an hour)
+	$(BIN)/pytest tests/faults --full-faults
 
 bench: $(READY_TO_DEVELOP) ## measure the solver, and write the tables of docs/performance.md (half an hour)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.solve_time
