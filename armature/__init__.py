@@ -10,6 +10,7 @@ from armature.errors import (
     RefusedError,
     ServerUnreachableError,
 )
+from armature.sweep import Sweep
 
 __all__ = [
     "Application",
@@ -21,4 +22,5 @@ __all__ = [
     "ProblemError",
     "RefusedError",
     "ServerUnreachableError",
+    "Sweep",
 ]

@@ -1,4 +1,4 @@
-"""Read an application from YAML (JSON is YAML), and the URDF that it names."""
+"""Read an application or a sweep from YAML (JSON is YAML), and the files that it names."""
 
 from __future__ import annotations
 
@@ -18,12 +18,34 @@ def read_application(path: str | Path) -> dict[str, Any]:
     Raises
     ------
     ApplicationFileError
-        There is no such file, or it is not YAML, or not a mapping.
+        There is no such file, or it is not YAML, or not a mapping, or a sweep.
     """
     content = _read_mapping(Path(path), "an application: it has no fields such as name, robot, tasks")
-    if isinstance(content.get("robot"), dict):
-        content["robot"] = _with_urdf_text(content["robot"], Path(path).parent)
+    if "axes" in content and "application" in content:
+        raise ApplicationFileError(f"{path} is a sweep, not an application: see 'armature sweep'")
+    return _with_robot(content, Path(path).parent)
+
+
+def read_sweep(path: str | Path) -> dict[str, Any]:
+    """Read a sweep's file. Its base application is a mapping, or the name of a file beside it.
+
+    Raises
+    ------
+    ApplicationFileError
+        As of `read_application`.
+    """
+    content = _read_mapping(Path(path), "a sweep: it has no fields such as name, application, axes")
+    base, folder = content.get("application"), Path(path).parent
+    if isinstance(base, str):
+        content["application"] = read_application(folder / base)
+    elif isinstance(base, dict):
+        content["application"] = _with_robot(base, folder)
     return content
+
+
+def _with_robot(application: dict[str, Any], folder: Path) -> dict[str, Any]:
+    robot = application.get("robot")
+    return application | {"robot": _with_urdf_text(robot, folder)} if isinstance(robot, dict) else application
 
 
 def read_robot(path: str | Path) -> dict[str, Any]:

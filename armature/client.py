@@ -21,8 +21,10 @@ from urllib.parse import quote
 
 import httpx
 
-from armature.application_file import read_application, read_robot
+from armature.application_file import read_application, read_robot, read_sweep
 from armature.errors import ServerUnreachableError, problem_of
+from armature.sweep import Sweep
+from armature.waiting import until_final
 from shared.contracts.results import (
     Accepted,
     ApplicationItem,
@@ -36,7 +38,7 @@ from shared.contracts.results import (
     TaskResult,
     Trajectory,
 )
-from shared.domain import ApplicationState
+from shared.contracts.sweeps import AcceptedSweep, SweepItem, SweepList
 
 DEFAULT_URL = "http://127.0.0.1:8000"
 
@@ -112,12 +114,27 @@ class Client:
             Nobody answers.
         """
         content = dict(application) if isinstance(application, Mapping) else read_application(application)
-        key = idempotency_key or new_idempotency_key()
-        # Values that JSON does not know (NaN, dates) travel as they are: the server names the field they are in.
-        body = json.dumps(content, allow_nan=True, default=str)
-        headers = {"Idempotency-Key": key, "Content-Type": "application/json"}
-        answer = self.request("POST", "/v1/applications", content=body, headers=headers)
-        return Application(self, Accepted.model_validate_json(answer.content).id)
+        answer = self._submit("/v1/applications", content, idempotency_key)
+        return Application(self, Accepted.model_validate_json(answer).id)
+
+    def submit_sweep(self, sweep: str | Path | Mapping[str, Any], *, idempotency_key: str | None = None) -> Sweep:
+        """Submit a base application and axes over its fields; parameters and errors as those of `submit`."""
+        content = dict(sweep) if isinstance(sweep, Mapping) else read_sweep(sweep)
+        answer = self._submit("/v1/sweeps", content, idempotency_key)
+        return Sweep(self, AcceptedSweep.model_validate_json(answer).id)
+
+    def sweep(self, sweep_id: str) -> Sweep:
+        """A sweep that was submitted before; whether it exists shows at the first question."""
+        return Sweep(self, sweep_id)
+
+    def sweeps(self) -> Iterator[SweepItem]:
+        """All sweeps, newest first, fetched page by page as they are read."""
+        cursor: str | None = None
+        while True:
+            page = SweepList.model_validate_json(self._get("/v1/sweeps", {"cursor": cursor}))
+            yield from page.items
+            if (cursor := page.next_cursor) is None:
+                return
 
     def application(self, application_id: str) -> Application:
         """An application that was submitted before; whether it exists shows at the first question."""
@@ -186,6 +203,13 @@ class Client:
             time.sleep(pause)
         raise AssertionError("the last attempt returns or raises")
 
+    def _submit(self, path: str, content: Mapping[str, Any], idempotency_key: str | None) -> bytes:
+        key = idempotency_key or new_idempotency_key()
+        # Values that JSON does not know (NaN, dates) travel as they are: the server names the field they are in.
+        body = json.dumps(content, allow_nan=True, default=str)
+        headers = {"Idempotency-Key": key, "Content-Type": "application/json"}
+        return self.request("POST", path, content=body, headers=headers).content
+
     def _get(self, path: str, query: Mapping[str, Any] | None = None) -> bytes:
         given = {name: value for name, value in (query or {}).items() if value is not None}
         return self.request("GET", path, params=given).content
@@ -235,16 +259,8 @@ class Application:
 
             with shown_progress() as show:
                 return self.wait(show, timeout_s=timeout_s, poll_s=poll_s)
-        deadline = None if timeout_s is None else time.monotonic() + timeout_s
-        while True:
-            status = self.status()
-            if callable(progress):
-                progress(status)
-            if ApplicationState(status.state).final:
-                return status
-            if deadline is not None and time.monotonic() > deadline:
-                raise TimeoutError(f"application {self.id} is {status.state} after {timeout_s} s")
-            time.sleep(poll_s)
+        show_it = progress if callable(progress) else None
+        return until_final(self.status, show_it, what=f"application {self.id}", timeout_s=timeout_s, poll_s=poll_s)
 
     def tasks(self) -> list[TaskResult]:
         """Every task with what is known of it so far, in order."""

@@ -58,15 +58,25 @@ class PlainProgress:
     """Lines for logs: one when a stage moves on, one every few seconds in between."""
 
     def __init__(self, console: Console, note: Note, every_s: float = PLAIN_EVERY_S) -> None:
-        self._console, self._note, self._every_s = console, note, every_s
-        self._last_line, self._last_key, self._last_time = "", "", 0.0
+        self._lines, self._note = NewLines(console, every_s), note
 
     def __call__(self, status: ApplicationStatus) -> None:
         """Print a line, if there is something new to say."""
-        note = self._note()
+        note = None if ApplicationState(status.state).final else self._note()
         stage = current_stage(status)
         key = f"{status.state} {None if stage is None else stage.name} {note}"
-        line = _plain_line(status, stage, note)
+        self._lines.say(key, _plain_line(status, stage, note))
+
+
+class NewLines:
+    """Prints a line when its key is new, or when the line is and the last one was some time ago."""
+
+    def __init__(self, console: Console, every_s: float = PLAIN_EVERY_S) -> None:
+        self._console, self._every_s = console, every_s
+        self._last_line, self._last_key, self._last_time = "", "", 0.0
+
+    def say(self, key: str, line: str) -> None:
+        """Print the line, or nothing."""
         due = time.monotonic() - self._last_time >= self._every_s
         if key != self._last_key or (due and line != self._last_line):
             self._console.print(line, soft_wrap=True)

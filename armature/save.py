@@ -1,4 +1,4 @@
-"""Write everything that a server knows of an application into a folder, as JSON."""
+"""Write everything that a server knows of an application, or a sweep's table, into a folder."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from pydantic import BaseModel
 
 from armature.client import Application
 from armature.errors import NotFoundError
+from armature.sweep import Sweep
 from shared.contracts.results import TaskList
 
 OWN = "own"
@@ -35,7 +36,7 @@ def save_results(application: Application, out: Path, request: Mapping[str, Any]
         design.json, designs.json, comparison.json, and trajectories/task-KKK-METHOD.json.
     """
     status = application.status()
-    folder = out / f"{_file_name(status.name)}-{status.id}"
+    folder = out / f"{file_name(status.name)}-{status.id}"
     (folder / "trajectories").mkdir(parents=True, exist_ok=True)
     (folder / "request.json").write_text(json.dumps(request, indent=1) + "\n", encoding="utf-8")
     tasks = application.tasks()
@@ -52,6 +53,17 @@ def save_results(application: Application, out: Path, request: Mapping[str, Any]
     return folder
 
 
+def save_sweep(sweep: Sweep, out: Path, request: Mapping[str, Any]) -> Path:
+    """Write what was submitted and the table of results: request.json, sweep.json and sweep.csv in a new folder."""
+    status = sweep.status()
+    folder = out / f"{file_name(status.name)}-{status.id}"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "request.json").write_text(json.dumps(request, indent=1) + "\n", encoding="utf-8")
+    _write(folder / "sweep.json", status)
+    (folder / "sweep.csv").write_text(sweep.csv(), encoding="utf-8", newline="")
+    return folder
+
+
 def _write(path: Path, content: BaseModel) -> None:
     path.write_text(content.model_dump_json(indent=1) + "\n", encoding="utf-8")
 
@@ -61,6 +73,6 @@ def _write_if_there(path: Path, fetch: Callable[[], BaseModel]) -> None:
         _write(path, fetch())
 
 
-def _file_name(name: str) -> str:
+def file_name(name: str) -> str:
     """A name as a part of a file's name, everywhere."""
     return re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.")[:60] or "application"

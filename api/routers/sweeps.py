@@ -11,13 +11,13 @@ from fastapi import APIRouter, Header, Query, Request, Response
 from api.access import OwnerOf
 from api.context import Ctx
 from services.jobs import sweeps
-from shared.contracts.sweeps import AcceptedSweep, SweepList, SweepRequest, SweepStatus
+from shared.contracts.sweeps import AcceptedSweep, SweepList, SweepRequest, SweepStatus, SweepTotals
 from shared.domain import ApplicationState
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 
 POLL_AFTER_S = "2"
-QUANTITIES = ("tasks", "objective", "time_s", "energy_V2s", "electrical_energy_J")
+QUANTITIES = tuple(SweepTotals.model_fields)
 
 
 @router.post("", status_code=202)

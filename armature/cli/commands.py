@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from armature.cli import export, local, motions, operator, remote, robots
+from armature.cli import export, local, motions, operator, remote, robots, sweeps
 from armature.cli.exit_codes import HELP
 from armature.cli.failures import Commands
 
@@ -24,6 +24,7 @@ app.command(rich_help_panel=HERE)(local.run)
 app.command(rich_help_panel=HERE)(local.up)
 app.command("list", rich_help_panel=SERVER)(remote.list_applications)
 app.add_typer(robots.app, name="robot", rich_help_panel=SERVER)
+app.add_typer(sweeps.app, name="sweep", rich_help_panel=SERVER)
 app.command(rich_help_panel=OPERATOR)(operator.migrate)
 app.add_typer(operator.app, name="key", rich_help_panel=OPERATOR)
 for command in (

@@ -182,7 +182,8 @@ def sweep_status(engine: Engine, sweep_id: str) -> wire.SweepStatus:
             .where(SweepPoint.sweep_id == sweep_id)
             .order_by(SweepPoint.position)
         ).all()
-        totals, designs = _totals(session, sweep_id), _designs(session, sweep_id)
+        weights = {row.id: [task["weight"] for task in row.tasks] for row in rows}
+        totals, designs = _totals(session, sweep_id, weights), _designs(session, sweep_id)
     counts = Counter(row.state for row in rows)
     return wire.SweepStatus(
         id=sweep.id,
@@ -295,10 +296,12 @@ def _members(engine: Engine, sweep_id: str) -> Sequence[str]:
         ).all()
 
 
-def _totals(session: Session, sweep_id: str) -> dict[str, dict[str, wire.SweepTotals]]:
-    sums = [func.sum(Result.summary[field].as_float()) for field in TOTALS.values()]
+def _totals(
+    session: Session, sweep_id: str, weights: Mapping[str, Sequence[float]]
+) -> dict[str, dict[str, wire.SweepTotals]]:
+    quantities = [Result.summary[field].as_float().label(name) for name, field in TOTALS.items()]
     rows = session.execute(
-        select(Job.application_id, Job.method, func.count(), func.sum(Result.value), *sums)
+        select(Job.application_id, Job.method, Job.task_index, Result.value.label("objective"), *quantities)
         .join(SweepPoint, SweepPoint.application_id == Job.application_id)
         .join(Application, and_(Application.id == Job.application_id, Application.generation == Job.generation))
         .join(Result, Result.job_id == Job.id)
@@ -307,13 +310,25 @@ def _totals(session: Session, sweep_id: str) -> dict[str, dict[str, wire.SweepTo
             Job.state == JobState.SUCCEEDED,
             Result.summary["final_time_s"].as_float().is_not(None),
         )
-        .group_by(Job.application_id, Job.method)
     )
+    solved: dict[tuple[str, str], list[Any]] = defaultdict(list)
+    for row in rows:
+        solved[row.application_id, row.method or OWN].append(row)
     totals: dict[str, dict[str, wire.SweepTotals]] = defaultdict(dict)
-    for application, method, tasks, objective, *values in rows:
-        quantities = dict(zip(TOTALS, values, strict=True))
-        totals[application][method or OWN] = wire.SweepTotals(tasks=tasks, objective=objective, **quantities)
+    for (application, method), motions in solved.items():
+        totals[application][method] = _sums(motions, weights[application])
     return totals
+
+
+def _sums(motions: Sequence[Any], weights: Sequence[float]) -> wire.SweepTotals:
+    """Over the tasks that one method solved."""
+    return wire.SweepTotals(
+        tasks=len(motions),
+        objective=sum(motion.objective for motion in motions),
+        weighted_objective=sum(weights[motion.task_index] * motion.objective for motion in motions),
+        worst_objective=max(motion.objective for motion in motions),
+        **{name: sum(getattr(motion, name) for motion in motions) for name in TOTALS},
+    )
 
 
 def _designs(session: Session, sweep_id: str) -> dict[str, dict[str, list[list[float]]]]:

@@ -53,6 +53,8 @@ class SweepTotals(BaseModel):
 
     tasks: int = Field(description="solved; totals of different counts do not compare")
     objective: float = Field(description="in the point's `unit`")
+    weighted_objective: float = Field(description="each task times its weight")
+    worst_objective: float = Field(description="the largest of a task")
     time_s: float
     energy_V2s: float
     electrical_energy_J: float

@@ -131,6 +131,29 @@ def test_tasks_come_from_all_pages(client_of: Callable[..., Client]) -> None:
     assert [found.index for found in client_of(serve).application("abc").tasks()] == list(range(450))
 
 
+def test_sweeps_come_from_all_pages(client_of: Callable[..., Client]) -> None:
+    item = {"name": "s", "state": "queued", "created_at": "", "tags": [], "axes": ["robot"], "counts": {"queued": 2}}
+    first, second = ({"items": [item | {"id": name}]} for name in ("b", "a"))
+    script = Script(
+        httpx.Response(200, json=first | {"next_cursor": "b"}), httpx.Response(200, json=second | {"next_cursor": None})
+    )
+    assert [found.id for found in client_of(script).sweeps()] == ["b", "a"]
+    assert [request.url.params.get("cursor") for request in script.requests] == [None, "b"]
+
+
+def test_a_sweep_is_waited_for(client_of: Callable[..., Client]) -> None:
+    def answer(state: str) -> httpx.Response:
+        about = {"id": "s", "name": "s", "created_at": "", "tags": [], "axes": {}, "dimensions": [], "points": []}
+        return httpx.Response(200, json=about | {"state": state, "counts": {state: 1}})
+
+    script = Script(answer("queued"), answer("running"), answer("succeeded"))
+    seen: list[str] = []
+    found = client_of(script).sweep("s").wait(lambda status: seen.append(status.state), poll_s=0.0)
+    assert (found.state, seen) == ("succeeded", ["queued", "running", "succeeded"])
+    with pytest.raises(TimeoutError, match="sweep s is running"):
+        client_of(Script(answer("running"))).sweep("s").wait(timeout_s=-1.0)
+
+
 def test_ids_are_escaped(client_of: Callable[..., Client]) -> None:
     script = Script(httpx.Response(404, json={"detail": "there is none"}))
     with pytest.raises(NotFoundError):

@@ -5,14 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from sqlalchemy import Engine
 
-from armature.application_file import read_application
+from armature.application_file import read_application, read_sweep
 from armature.cli.reference import SUFFIX, reference_beside
 from services.jobs.resolve import resolve
 from services.jobs.resolved import ResolvedApplication
+from services.jobs.sweeps import submit_sweep, sweep_status
 from shared.contracts.application import ApplicationRequest
+from shared.contracts.sweeps import SweepRequest
+from shared.settings import Settings
 
-EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.yaml"))
+FILES = sorted((Path(__file__).parents[2] / "examples").glob("*.yaml"))
+SWEEPS = [path for path in FILES if "\naxes:" in path.read_text(encoding="utf-8")]
+EXAMPLES = [path for path in FILES if path not in SWEEPS]
+MOST_POINTS = 20
 PAPERS_TRANSCRIPTION = {"scheme": "radau", "degree": 1, "intervals": 50, "control": "voltage"}
 
 
@@ -24,6 +31,14 @@ def resolved(path: Path) -> ResolvedApplication:
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_it_is_accepted(path: Path) -> None:
     assert resolved(path).tasks
+
+
+@pytest.mark.parametrize("path", SWEEPS, ids=lambda path: path.stem)
+def test_a_sweep_is_accepted(path: Path, engine: Engine, settings: Settings) -> None:
+    request = SweepRequest.model_validate(read_sweep(path))
+    sweep_id, new = submit_sweep(engine, settings.model_copy(update={"max_sweep_points": MOST_POINTS}), request)
+    assert new
+    assert {point.reason for point in sweep_status(engine, sweep_id).points} == {None}
 
 
 @pytest.mark.parametrize("name", ["pick_and_place", "pick_and_place_energy"])

@@ -57,7 +57,15 @@ def test_table_of_results(client: TestClient, engine: Engine) -> None:
     found = answer.json()
     assert (found["state"], found["counts"]) == ("succeeded", {"succeeded": 2})
     for point in found["points"]:
-        four_tasks = {"tasks": 4, "objective": 4.0, "time_s": 4.0, "energy_V2s": 8.0, "electrical_energy_J": 12.0}
+        four_tasks = {
+            "tasks": 4,
+            "objective": 4.0,
+            "weighted_objective": 4.0,
+            "worst_objective": 1.0,
+            "time_s": 4.0,
+            "energy_V2s": 8.0,
+            "electrical_energy_J": 12.0,
+        }
         assert point["totals"] == {"own": four_tasks, "two_step": four_tasks}
         assert point["designs_mm"] == {"two_step": DESIGN["design_mm"]}
     rows = list(csv.DictReader(io.StringIO(client.get(url, headers={"Accept": "text/csv"}).text)))
@@ -68,6 +76,16 @@ def test_table_of_results(client: TestClient, engine: Engine) -> None:
         ("0.8", "two_step"),
     ]
     assert (rows[1]["energy_V2s"], rows[1]["motor_6_L_mm"], rows[0]["motor_6_L_mm"]) == ("8.0", "30.0", "")
+
+
+def test_totals_have_the_tasks_weights(client: TestClient, engine: Engine) -> None:
+    """Of three tasks one fails, and one of the others counts fourfold in one of two applications."""
+    url = client.post("/v1/sweeps", json=sweep(application=body(), axes={"tasks[1].weight": [1.0, 4.0]})).headers[
+        "location"
+    ]
+    drain(engine, failing=frozenset({0}))
+    totals = [point["totals"]["own"] for point in client.get(url).json()["points"]]
+    assert [(one["objective"], one["weighted_objective"]) for one in totals] == [(2.0, 2.0), (2.0, 5.0)]
 
 
 def test_gear_ratios(client: TestClient) -> None:

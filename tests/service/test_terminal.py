@@ -95,7 +95,7 @@ def comparison(values: dict[str, list[float]], compared: list[int]) -> Compariso
 
 def test_lines_come_with_news_and_not_with_every_status() -> None:
     out, written = console()
-    notes = iter(["compiling", None, None, None, None])
+    notes = iter(["compiling", None, None, None])  # none is asked for at the end
     show = PlainProgress(out, lambda: next(notes), every_s=1000.0)
     result = {"task": "t", "task_index": 0, "stage": "codesign", "method": "own", "value": 0.3094, "unit": "s"}
     show(status(0))
