@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from armature.cli import export, local, motions, operator, remote, robots, sweeps
+from armature.cli import doctor, export, local, motions, operator, remote, robots, sweeps
 from armature.cli.exit_codes import HELP
 from armature.cli.failures import Commands
 
@@ -22,6 +22,7 @@ OPERATOR = "For the operator (ARMATURE_DATABASE_URL)"
 
 app.command(rich_help_panel=HERE)(local.run)
 app.command(rich_help_panel=HERE)(local.up)
+app.command(rich_help_panel=HERE)(doctor.doctor)
 app.command("list", rich_help_panel=SERVER)(remote.list_applications)
 app.add_typer(robots.app, name="robot", rich_help_panel=SERVER)
 app.add_typer(sweeps.app, name="sweep", rich_help_panel=SERVER)

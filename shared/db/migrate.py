@@ -44,6 +44,11 @@ def head_revision() -> str:
     return head
 
 
+def is_known(revision: str) -> bool:
+    """Whether this code has a revision; a newer version's it has not."""
+    return revision in {script.revision for script in ScriptDirectory(str(MIGRATIONS)).walk_revisions()}
+
+
 def current_revision(engine: Engine) -> str | None:
     """Revision that a database is at; None when it is empty."""
     with engine.connect() as connection:
