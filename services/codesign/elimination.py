@@ -11,7 +11,8 @@ in an order in which each still has its variable. What is no pair is eliminated 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -23,11 +24,12 @@ from services.codesign.program import Program
 
 @dataclass(frozen=True)
 class Elimination:
-    """An order of elimination, in stages."""
+    """An order of elimination, in stages; and chains of stages, of which all but the last may be eliminated at once."""
 
     order: np.ndarray  # (n,) unknown at each position
     first: np.ndarray  # (stages + 1,) position at which each stage begins
     pairs: np.ndarray  # (stages,) number of (variable, constraint) pairs that each stage begins with
+    chains: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=np.int32))  # (chains,) stage each begins at
 
 
 _KNOWN: dict[tuple[IntervalLayout, bytes, bytes], Elimination] = {}
@@ -62,14 +64,15 @@ def number_unknowns(free: np.ndarray, equality: np.ndarray) -> tuple[np.ndarray,
     return variable, slack, multiplier
 
 
-def in_order(stages: list[tuple[np.ndarray, np.ndarray]]) -> Elimination:
-    """Stages, each as its pairs (m, 2) and its other unknowns, one after the other."""
+def in_order(stages: list[tuple[np.ndarray, np.ndarray]], chains: Sequence[int] = (0,)) -> Elimination:
+    """Stages, each as its pairs (m, 2) and its other unknowns, one after the other; `chains` begin at these stages."""
     order = [part for pairs, rest in stages for part in (np.ravel(pairs), rest)]
     sizes = [2 * len(pairs) + len(rest) for pairs, rest in stages]
     return Elimination(
         order=np.concatenate(order).astype(np.int32),
         first=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32),
         pairs=np.array([len(pairs) for pairs, _ in stages], dtype=np.int32),
+        chains=np.array(chains, dtype=np.int32),
     )
 
 

@@ -1,8 +1,7 @@
-"""Order of elimination for the program of all tasks: motion after motion, the design last.
+"""Order of elimination for the program of all tasks: every motion a chain of its own, the design last.
 
 A motion's intervals are eliminated as in its own program, and with the last of them its t_f and the constraint that
-holds its objective below the worst one's. What it leaves behind touches the design and the worst objective z alone,
-and is handed on through the stages of the motions that follow.
+holds its objective below the worst one's. What it leaves behind touches the design and the worst objective z alone.
 """
 
 from __future__ import annotations
@@ -31,4 +30,5 @@ def shared_elimination(program: SharedProgram, instance: Instance) -> Eliminatio
     design = variable[program.variables_of(0)]
     design[task.time_index] = -1  # eliminated with its motion
     pairs, rest = border_stage(task, design, slack[rows], multiplier[rows])
-    return in_order([*stages, (pairs, np.append(rest, variable[-1]) if program.has_worst else rest)])
+    border = (pairs, np.append(rest, variable[-1]) if program.has_worst else rest)
+    return in_order([*stages, border], chains=range(0, len(stages) + 1, task.intervals))

@@ -199,7 +199,7 @@ def _run_with(
     solver = _solver(program, options, warm, staged)
     solver.monitor.begin(*watch)
     if staged is not None:
-        staged.hand_over(_order(program, instance))
+        staged.hand_over(_order(program, instance), options.threads if isinstance(program, SharedProgram) else 1)
     began = time.perf_counter()
     with _interrupts_kept(solver.monitor):
         result = solver.function(**_arguments(instance, start))

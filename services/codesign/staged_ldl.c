@@ -10,6 +10,11 @@
  * candidates, eliminated with threshold pivoting in 1x1 and 2x2 steps (Duff & Reid 1996, section 2); a candidate
  * without an acceptable pivot is delayed to the next stage. Last the boundary, which belongs to later stages.
  *
+ * Stages come in chains. What the stages of a chain leave behind, the last of them hands to the trunk, the last chain;
+ * so all chains but the trunk are eliminated side by side, by several threads (the motions of the program of all tasks,
+ * with the design in the trunk). The trunk adds up what they left in their order, whichever thread was first: the
+ * numbers do not depend on how many threads there are.
+ *
  * IPOPT finds this library as `hsllib` and calls it by the names of MA27. Everything between two calls lives in the
  * arrays that the caller owns, so there is nothing to free. The order of elimination is not found here: it is handed
  * over beforehand with `staged_ldl_order` (elimination.py).
@@ -20,6 +25,8 @@
 
 #include <float.h>
 #include <math.h>
+#include <pthread.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -40,39 +47,86 @@ enum { FAILED_SIZE = -1, NO_INTEGER_SPACE = -3, NO_REAL_SPACE = -4, SINGULAR = -
 /* ---- the order of elimination, as handed over ---- */
 
 static struct {
-  int n, stages;
+  int n, stages, chains;
   int *order; /* (n) index at each position */
   int *first; /* (stages + 1) position at which each stage begins */
   int *pairs; /* (stages) number of pairs at the beginning of each stage: variable, constraint, variable, ... */
+  int *chain; /* (chains) stage at which each chain begins; the last chain is the trunk */
+  int threads; /* how many eliminate chains */
   int refused; /* systems of another size that came since */
 } handed;
 
+static int handed_size(int n, int stages, int chains) { return n + 2 * stages + 1 + chains; }
+
 /* Hand over the order for the systems that follow. Returns 0, or 1 when there is no memory. */
-int staged_ldl_order(int n, int stages, const int *order, const int *first, const int *pairs) {
-  int *room = malloc(sizeof(int) * (size_t)(n + 2 * stages + 1));
+int staged_ldl_order(int n, int stages, int chains, const int *order, const int *first, const int *pairs,
+                     const int *chain, int threads) {
+  int *room = malloc(sizeof(int) * (size_t)handed_size(n, stages, chains));
   if (!room) return 1;
   free(handed.order);
   handed.n = n;
   handed.stages = stages;
+  handed.chains = chains;
+  handed.threads = threads;
   handed.refused = 0;
   handed.order = room;
-  handed.first = room + n;
-  handed.pairs = room + n + stages + 1;
+  handed.first = handed.order + n;
+  handed.pairs = handed.first + stages + 1;
+  handed.chain = handed.pairs + stages;
   memcpy(handed.order, order, sizeof(int) * (size_t)n);
   memcpy(handed.first, first, sizeof(int) * (size_t)(stages + 1));
   memcpy(handed.pairs, pairs, sizeof(int) * (size_t)stages);
+  memcpy(handed.chain, chain, sizeof(int) * (size_t)chains);
   return 0;
 }
 
 /* How many systems came since that the order does not fit. */
 int staged_ldl_refused(void) { return handed.refused; }
 
+/* ---- threads ---- */
+
+typedef struct {
+  void (*work)(void *context, int item, int thread);
+  void *context;
+  int items;
+  atomic_int next;
+} Team;
+
+typedef struct {
+  Team *team;
+  int thread;
+} Member;
+
+static void *serve(void *argument) {
+  const Member *member = argument;
+  Team *team = member->team;
+  for (int item; (item = atomic_fetch_add(&team->next, 1)) < team->items;)
+    team->work(team->context, item, member->thread);
+  return NULL;
+}
+
+enum { MOST_THREADS = 64 };
+
+/* Do the work for every item, in any order, with up to `threads` threads; with fewer where no more can be had. */
+static void for_each(int items, int threads, void (*work)(void *, int, int), void *context) {
+  Team team = {work, context, items, 0};
+  Member members[MOST_THREADS];
+  pthread_t started[MOST_THREADS];
+  int count = threads < items ? threads : items;
+  if (count > MOST_THREADS) count = MOST_THREADS;
+  for (int t = 0; t < count; t++) members[t] = (Member){&team, t};
+  int running = 1;
+  while (running < count && !pthread_create(&started[running], NULL, serve, &members[running])) running++;
+  if (count > 0) serve(&members[0]);
+  for (int t = 1; t < running; t++) pthread_join(started[t], NULL);
+}
+
 /* ---- the plan: which entry goes where, found once for a pattern ---- */
 
 typedef struct {
-  int n, nz, stages;
-  const int *first, *pairs;
-  int *order, *position; /* (n) index at each position, and position of each index */
+  int n, nz, stages, chains;
+  const int *order, *first, *pairs, *chain; /* as handed over */
+  int *position;       /* (n) of each index */
   int *first_entry;    /* (stages + 1) */
   int *entry;          /* (nz) entries by stage */
   int *row, *column;   /* (nz) their positions, row >= column */
@@ -80,14 +134,23 @@ typedef struct {
   int *boundary;       /* positions of later stages that a stage's front holds, ascending */
 } Plan;
 
-static int plan_integers(int n, int nz, int stages) { return 2 * n + 3 * nz + 2 * (stages + 1); }
+static int plan_integers(const Plan *plan) {
+  return handed_size(plan->n, plan->stages, plan->chains) + plan->n + 3 * plan->nz + 2 * (plan->stages + 1);
+}
 
 static int ascending(const void *a, const void *b) { return *(const int *)a - *(const int *)b; }
 
-/* Set the plan's arrays out in `room`; the boundaries come last. */
+/* A plan that knows the order alone, which lies in `handed_over` as `staged_ldl_order` lays it out. */
+static Plan bare_plan(int n, int nz, int stages, int chains, const int *handed_over) {
+  const int *first = handed_over + n, *pairs = first + stages + 1;
+  return (Plan){n, nz, stages, chains, handed_over, first, pairs, pairs + stages, 0, 0, 0, 0, 0, 0, 0};
+}
+
+/* Set the plan's arrays out in `room`; the order comes first and the boundaries last. */
 static void lay_out(Plan *plan, int *room) {
   const int n = plan->n, nz = plan->nz, stages = plan->stages;
-  plan->order = room, room += n;
+  *plan = bare_plan(n, nz, stages, plan->chains, room);
+  room += handed_size(n, stages, plan->chains);
   plan->position = room, room += n;
   plan->first_entry = room, room += stages + 1;
   plan->first_boundary = room, room += stages + 1;
@@ -97,14 +160,39 @@ static void lay_out(Plan *plan, int *room) {
   plan->boundary = room;
 }
 
-/* Make the plan in `room`, which has `room_size` integers; returns the total length of the boundaries, all of which
- * are there only if they fit. `order` is copied, `scratch` has room for 2n. */
-static int make_plan(Plan *plan, const int *order, const int *irn, const int *icn, int *room, int room_size,
-                     int *scratch) {
+static int chain_end(const Plan *plan, int chain) {
+  return chain + 1 < plan->chains ? plan->chain[chain + 1] : plan->stages;
+}
+
+static int trunk_stage(const Plan *plan) { return plan->chain[plan->chains - 1]; }
+
+/* Position at which the trunk's unknowns begin. */
+static int trunk_position(const Plan *plan) { return plan->first[trunk_stage(plan)]; }
+
+/* Boundaries as they are found: `seen` says for each position which stage's has it. */
+typedef struct {
+  int total, space, *seen;
+} Found;
+
+static void add_to_boundary(Plan *plan, Found *found, int stage, int position) {
+  if (position < plan->first[stage + 1] || found->seen[position] == stage) return;
+  found->seen[position] = stage;
+  if (found->total < found->space) plan->boundary[found->total] = position;
+  found->total++;
+}
+
+static void inherit_boundary(Plan *plan, Found *found, int stage, int from) {
+  for (int k = plan->first_boundary[from]; k < plan->first_boundary[from + 1] && k < found->space; k++)
+    add_to_boundary(plan, found, stage, plan->boundary[k]);
+}
+
+/* Complete a bare plan in `room`, which has `room_size` integers; returns the total length of the boundaries, all of
+ * which are there only if they fit. The order is copied, `scratch` has room for 2n. */
+static int make_plan(Plan *plan, const int *irn, const int *icn, int *room, int room_size, int *scratch) {
   const int n = plan->n, nz = plan->nz, stages = plan->stages;
-  const int space = room_size - plan_integers(n, nz, stages);
+  const int space = room_size - plan_integers(plan);
+  memcpy(room, plan->order, sizeof(int) * (size_t)handed_size(n, stages, plan->chains));
   lay_out(plan, room);
-  memcpy(plan->order, order, sizeof(int) * (size_t)n);
 
   int *stage_of = scratch, *seen = scratch + n; /* by position */
   for (int p = 0; p < n; p++) plan->position[plan->order[p]] = p;
@@ -131,32 +219,24 @@ static int make_plan(Plan *plan, const int *order, const int *irn, const int *ic
   count[0] = 0;
 
   /* A front reaches as far as its entries do, and as the front before it did. */
-  int total = 0;
+  Found found = {0, space, seen};
   for (int p = 0; p < n; p++) seen[p] = -1;
   plan->first_boundary[0] = 0;
+  int chain = 0;
   for (int s = 0; s < stages; s++) {
-    const int begin = total, next = plan->first[s + 1];
-    for (int e = plan->first_entry[s]; e < plan->first_entry[s + 1]; e++) {
-      const int p = plan->row[e];
-      if (p >= next && seen[p] != s) {
-        seen[p] = s;
-        if (total < space) plan->boundary[total] = p;
-        total++;
-      }
-    }
-    if (s > 0)
-      for (int k = plan->first_boundary[s - 1]; k < plan->first_boundary[s] && k < space; k++) {
-        const int p = plan->boundary[k];
-        if (p >= next && seen[p] != s) {
-          seen[p] = s;
-          if (total < space) plan->boundary[total] = p;
-          total++;
-        }
-      }
-    if (total <= space) qsort(plan->boundary + begin, (size_t)(total - begin), sizeof(int), ascending);
-    plan->first_boundary[s + 1] = total;
+    const int begin = found.total;
+    while (chain + 1 < plan->chains && plan->chain[chain + 1] <= s) chain++;
+    for (int e = plan->first_entry[s]; e < plan->first_entry[s + 1]; e++)
+      add_to_boundary(plan, &found, s, plan->row[e]);
+    if (s > plan->chain[chain])
+      inherit_boundary(plan, &found, s, s - 1);
+    else if (chain == plan->chains - 1)
+      for (int c = 0; c < chain; c++) inherit_boundary(plan, &found, s, chain_end(plan, c) - 1);
+    if (found.total <= space)
+      qsort(plan->boundary + begin, (size_t)(found.total - begin), sizeof(int), ascending);
+    plan->first_boundary[s + 1] = found.total;
   }
-  return total;
+  return found.total;
 }
 
 /* ---- dense pieces ---- */
@@ -223,12 +303,30 @@ static void subtract_product(int m, int k, const double *restrict L, int ldl, co
 
 /* ---- factors of one stage, as they lie in the caller's arrays ----
  *
- * Integers: STAGE_HEADER numbers; for each pair the places of its record among the stage's integers and reals; the
- * pairs' records; the positions of the dense rows; 1 or 2 for each column, the size of its pivot.
+ * Integers: STAGE_HEADER numbers; for each pair where its record begins among the stage's integers and reals; the
+ * pairs' records; the places of the dense rows; 1 or 2 for each column, the size of its pivot.
  * Reals: the pairs' records; D inverse, 2 numbers a column; the panel of L, its columns `padded(rows)` apart.
- * A pair's record: the number of rows and their positions; the inverse of the pivot (3 numbers), columns b and a. */
+ * A pair's record: the number of rows and their places; the inverse of the pivot (3 numbers), columns b and a.
+ *
+ * "Place" is where a solve keeps an unknown. Every chain has places for the trunk's unknowns behind its own, to gather
+ * what it takes from them, so that no chain waits for another. */
 
-enum { PAIRS, ROWS, COLUMNS, FIRST, POSITIONS, DIAGONAL, STAGE_HEADER }; /* the last two: places, as for the pairs */
+enum { PAIRS, ROWS, COLUMNS, FIRST, PLACES, DIAGONAL, STAGE_HEADER }; /* the last two: where they begin */
+
+/* Place of the first of a chain's own unknowns, and of the trunk's first one behind them. */
+static int own_places(const Plan *plan, int chain) {
+  return plan->first[plan->chain[chain]] + chain * (plan->n - trunk_position(plan));
+}
+
+static int trunk_places(const Plan *plan, int chain) {
+  const int trunk = trunk_position(plan);
+  return (chain + 1 < plan->chains ? plan->first[chain_end(plan, chain)] : trunk) + chain * (plan->n - trunk);
+}
+
+/* How many places there are. */
+static int all_places(const Plan *plan) {
+  return plan->n + (plan->chains - 1) * (plan->n - trunk_position(plan));
+}
 
 typedef struct {
   int size;       /* unknowns in the front */
@@ -242,7 +340,17 @@ typedef struct {
   int *integers; /* next free */
   double *reals;
   int negative; /* eigenvalues so far */
+  const Plan *plan;
+  int chain, trunk, own_shift, trunk_shift; /* which chain's; places less positions */
 } Factors;
+
+static int place_of(const Factors *out, int position) {
+  if (position >= out->trunk) return position + out->trunk_shift;
+  if (out->chain < out->plan->chains - 1) return position + out->own_shift;
+  int chain = 0; /* a chain's unknown that was delayed to the trunk */
+  while (out->plan->first[chain_end(out->plan, chain)] <= position) chain++;
+  return position + own_places(out->plan, chain) - out->plan->first[out->plan->chain[chain]];
+}
 
 static int negative_of_two(double a, double b, double det) { return det < 0 ? 1 : (a + b < 0 ? 2 : 0); }
 
@@ -271,7 +379,7 @@ static int eliminate_pair(Front *front, int k, Factors *out, int *slots) {
   double *kept_b = kept, *kept_a = kept + count;
   int *short_list = slots + count, short_count = 0; /* rows with a nonzero in a, few */
   for (int t = 0; t < count; t++) {
-    where[t] = front->position[slots[t]];
+    where[t] = place_of(out, front->position[slots[t]]);
     kept_b[t] = b[slots[t]];
     kept_a[t] = a[slots[t]];
     short_list[short_count] = t;
@@ -461,7 +569,7 @@ static void add_remainder(Front *front, const Front *before, int begin, const in
 /* ---- the whole ---- */
 
 /* Integers of the factors' header: what the solve must know. The table follows: where each stage's factors lie. */
-enum { STAGES, TABLE, FRONT, HEADER };
+enum { STAGE_COUNT, CHAIN_COUNT, THREADS, TABLE, FRONT, HEADER };
 
 /* Room in the fronts for candidates that are delayed; doubled as long as the caller's arrays allow. */
 static const int DELAYED_ROOM = 48;
@@ -478,34 +586,68 @@ static int front_reals(int size) { return column_stride(size) * (size + TILE_COL
 
 static int work_reals(int size) { return (size + TILE_COLUMNS) * (size + 2); }
 
+/* What a chain leaves for the trunk: its size, how many of its unknowns were delayed, their positions; the columns. */
+enum { SIZE, CANDIDATES, REMAINDER_HEADER };
+
+static int remainder_integers(int size) { return REMAINDER_HEADER + size; }
+
+static int remainder_reals(int size) { return size * size; }
+
 typedef struct {
   int integers, reals;
-  int front; /* size of the largest front */
+  int front;     /* size of the largest front */
+  int remainder; /* size of the largest remainder */
+  int threads;
 } Space;
 
+static int thread_reals(const Space *space) { return 2 * front_reals(space->front) + work_reals(space->front); }
+
+static int thread_integers(const Plan *plan, const Space *space) { return plan->n + 4 * space->front; }
+
+/* Space that the factors of a stage may take, with `room` for delayed candidates. */
+static Space stage_space(const Plan *plan, int s, int room) {
+  const int own = plan->first[s + 1] - plan->first[s], pairs = plan->pairs[s];
+  const int boundary = plan->first_boundary[s + 1] - plan->first_boundary[s];
+  const int size = own + boundary + room, candidates = own - 2 * pairs + room;
+  return (Space){factor_integers(pairs, candidates, size), factor_reals(pairs, candidates, size), size,
+                 boundary + room, 0};
+}
+
 /* Space that the factorisation takes in all, with `room` for delayed candidates in every front. */
-static Space space_for(const Plan *plan, int boundaries, int room) {
-  Space space = {0, 0, 0};
+static Space space_for(const Plan *plan, int boundaries, int room, int threads) {
+  Space space = {0, 0, 0, 0, threads < plan->chains ? threads : plan->chains};
   for (int s = 0; s < plan->stages; s++) {
-    const int own = plan->first[s + 1] - plan->first[s], pairs = plan->pairs[s];
-    const int size = own + plan->first_boundary[s + 1] - plan->first_boundary[s] + room;
-    space.reals += factor_reals(pairs, own - 2 * pairs + room, size);
-    space.integers += factor_integers(pairs, own - 2 * pairs + room, size);
-    if (size > space.front) space.front = size;
+    const Space stage = stage_space(plan, s, room);
+    space.integers += stage.integers, space.reals += stage.reals;
+    if (stage.front > space.front) space.front = stage.front;
   }
-  space.reals += plan->nz + 2 * front_reals(space.front) + work_reals(space.front);
-  space.integers += HEADER + plan_integers(plan->n, plan->nz, plan->stages) + boundaries; /* the plan */
-  space.integers += plan->n + 4 * space.front + 2 * plan->stages;                         /* work, table */
+  for (int c = 0; c < plan->chains - 1; c++) {
+    const Space end = stage_space(plan, chain_end(plan, c) - 1, room);
+    if (end.remainder > space.remainder) space.remainder = end.remainder;
+  }
+  space.reals += plan->nz + space.threads * thread_reals(&space);
+  space.reals += (plan->chains - 1) * remainder_reals(space.remainder);
+  space.integers += HEADER + plan_integers(plan) + boundaries; /* the plan */
+  space.integers += space.threads * thread_integers(plan, &space) + 2 * plan->stages;     /* work, table */
+  space.integers += (plan->chains - 1) * remainder_integers(space.remainder);
   return space;
 }
 
-/* Assemble a front: its positions, the entries of the matrix, what the front before left from slot `begin` on. */
-static void assemble(Front *front, const Plan *plan, int s, const double *values, const Front *before, int begin,
+/* What a front leaves behind: its slots from `begin` on. */
+typedef struct {
+  Front front;
+  int begin;
+} Remainder;
+
+/* Assemble a front: its positions, the entries of the matrix, and `count` remainders. */
+static void assemble(Front *front, const Plan *plan, int s, const double *values, const Remainder *left, int count,
                      int *slot) {
   const int first = plan->first[s], next = plan->first[s + 1], paired = first + 2 * plan->pairs[s];
   int size = 0;
   for (int p = first; p < paired; p++) front->position[size++] = p;
-  for (int d = begin; d < before->candidates; d++) front->position[size++] = before->position[d];
+  for (int r = 0; r < count; r++)
+    for (int d = left[r].begin; d < left[r].front.candidates; d++)
+      front->position[size++] = left[r].front.position[d];
   for (int p = paired; p < next; p++) front->position[size++] = p;
   front->candidates = size;
   for (int b = plan->first_boundary[s]; b < plan->first_boundary[s + 1]; b++)
@@ -519,7 +661,7 @@ static void assemble(Front *front, const Plan *plan, int s, const double *values
   for (int e = plan->first_entry[s]; e < plan->first_entry[s + 1]; e++)
     front->a[(size_t)slot[plan->column[e]] * (size_t)front->stride + (size_t)slot[plan->row[e]]] +=
         values[plan->entry[e]];
-  add_remainder(front, before, begin, slot);
+  for (int r = 0; r < count; r++) add_remainder(front, &left[r].front, left[r].begin, slot);
 }
 
 /* Eliminate what can be eliminated of a front and keep the factors; returns the slot at which the remainder begins. */
@@ -535,14 +677,14 @@ static int eliminate(Front *front, int first, int pairs, double threshold, int l
   }
   const int rows = front->size - left, stride = padded(rows);
   double *diagonal = out->reals;
-  int *positions = out->integers, *kinds = positions + rows;
+  int *places = out->integers, *kinds = places + rows;
   const int end = eliminate_candidates(front, left, threshold, last, diagonal, kinds, work, &out->negative);
   update_boundary(front, left, end, diagonal, kinds, work);
 
   const int columns = end - left;
-  integers[PAIRS] = left / 2, integers[ROWS] = rows, integers[COLUMNS] = columns, integers[FIRST] = first;
-  integers[POSITIONS] = (int)(positions - integers), integers[DIAGONAL] = (int)(diagonal - reals);
-  memcpy(positions, front->position + left, sizeof(int) * (size_t)rows);
+  integers[PAIRS] = left / 2, integers[ROWS] = rows, integers[COLUMNS] = columns, integers[FIRST] = place_of(out, first);
+  integers[PLACES] = (int)(places - integers), integers[DIAGONAL] = (int)(diagonal - reals);
+  for (int i = 0; i < rows; i++) places[i] = place_of(out, front->position[left + i]);
   double *panel = diagonal + 2 * columns;
   for (int p = 0; p < columns; p++)
     memcpy(panel + (size_t)p * (size_t)stride + p,
@@ -552,49 +694,130 @@ static int eliminate(Front *front, int first, int pairs, double threshold, int l
   return end;
 }
 
+/* A factorisation under way: what its threads share. */
+typedef struct {
+  const Plan *plan;
+  Space space;
+  int room;
+  double threshold, *a;
+  int *iw, *table;
+  double *thread_reals, *remainder_reals;
+  int *thread_integers, *remainder_integers;
+  atomic_int negative, crowded, singular;
+} Factorisation;
+
+static Remainder kept_remainder(const Factorisation *f, int chain) {
+  int *integers = f->remainder_integers + (size_t)chain * (size_t)remainder_integers(f->space.remainder);
+  double *reals = f->remainder_reals + (size_t)chain * (size_t)remainder_reals(f->space.remainder);
+  return (Remainder){{integers[SIZE], integers[CANDIDATES], integers[SIZE], reals, integers + REMAINDER_HEADER}, 0};
+}
+
+static void keep_remainder(const Factorisation *f, int chain, const Remainder *left) {
+  int *integers = f->remainder_integers + (size_t)chain * (size_t)remainder_integers(f->space.remainder);
+  const int begin = left->begin, size = left->front.size - begin;
+  integers[SIZE] = size, integers[CANDIDATES] = left->front.candidates - begin;
+  memcpy(integers + REMAINDER_HEADER, left->front.position + begin, sizeof(int) * (size_t)size);
+  const Remainder kept = kept_remainder(f, chain);
+  for (int j = 0; j < size; j++)
+    memcpy(kept.front.a + (size_t)j * (size_t)size + j,
+           left->front.a + (size_t)(begin + j) * (size_t)left->front.stride + begin + j,
+           sizeof(double) * (size_t)(size - j));
+}
+
+/* Eliminate the stages of a chain, its first one with `count` remainders `left` by others. */
+static void eliminate_chain(Factorisation *f, int chain, int thread, const Remainder *left, int count) {
+  const Plan *plan = f->plan;
+  const int front_size = f->space.front, is_trunk = chain == plan->chains - 1;
+  double *fronts = f->thread_reals + (size_t)thread * (size_t)thread_reals(&f->space);
+  double *work = fronts + 2 * front_reals(front_size);
+  int *slot = f->thread_integers + (size_t)thread * (size_t)thread_integers(plan, &f->space);
+  int *lists = slot + plan->n, *slots = lists + 2 * front_size;
+  const int trunk = trunk_position(plan), first = plan->chain[chain], end = chain_end(plan, chain);
+  Factors out = {f->iw + f->table[2 * first], f->a + f->table[2 * first + 1], 0, plan, chain, trunk,
+                 own_places(plan, chain) - plan->first[first], trunk_places(plan, chain) - trunk};
+
+  Remainder before;
+  for (int s = first; s < end; s++) {
+    int delayed = 0;
+    for (int r = 0; r < count; r++) delayed += left[r].front.candidates - left[r].begin;
+    if (delayed > f->room) {
+      f->crowded = 1;
+      return;
+    }
+    Front front = {0, 0, 0, fronts + (s % 2) * front_reals(front_size), lists + (s % 2) * front_size};
+    assemble(&front, plan, s, f->a, left, count, slot);
+    f->table[2 * s] = (int)(out.integers - f->iw), f->table[2 * s + 1] = (int)(out.reals - f->a);
+    const int last = is_trunk && s == end - 1;
+    const int begin = eliminate(&front, plan->first[s], plan->pairs[s], f->threshold, last, &out, work, slots);
+    if (last && begin < front.candidates) f->singular = 1;
+    before = (Remainder){front, begin}, left = &before, count = 1;
+  }
+  f->negative += out.negative;
+  if (!is_trunk) keep_remainder(f, chain, left);
+}
+
+static void eliminate_branch(void *context, int chain, int thread) { eliminate_chain(context, chain, thread, NULL, 0); }
+
 /* Factorise the matrix whose entries `a` begins with. Returns 0 or one of the failures; `*needed` is the space that
  * the ones for want of space ask for. */
-static int factorise(const Plan *plan, int boundaries, double threshold, double *a, int real_space, int *iw,
-                     int integer_space, int *negative, int *needed) {
+static int factorise(const Plan *plan, int boundaries, double threshold, int threads, double *a, int real_space,
+                     int *iw, int integer_space, int *negative, int *needed) {
   int room = DELAYED_ROOM;
-  Space space = space_for(plan, boundaries, room);
+  Space space = space_for(plan, boundaries, room, threads);
   for (;;) {
-    const Space more = space_for(plan, boundaries, 2 * room);
+    const Space more = space_for(plan, boundaries, 2 * room, threads);
     if (more.reals > real_space || more.integers > integer_space) break;
     space = more, room *= 2;
   }
   if (space.reals > real_space) return *needed = space.reals, NO_REAL_SPACE;
   if (space.integers > integer_space) return *needed = space.integers, NO_INTEGER_SPACE;
 
-  double *fronts = a + plan->nz, *work = fronts + 2 * front_reals(space.front);
-  int *slot = iw + HEADER + plan_integers(plan->n, plan->nz, plan->stages) + boundaries;
-  int *lists = slot + plan->n, *slots = lists + 2 * space.front, *table = slots + 2 * space.front;
-  Factors out = {table + 2 * plan->stages, work + work_reals(space.front), 0};
-  iw[STAGES] = plan->stages, iw[TABLE] = (int)(table - iw), iw[FRONT] = space.front;
-
-  Front before = {0, 0, 0, 0, 0};
-  int begin = 0;
+  const int branches = plan->chains - 1;
+  Factorisation f = {.plan = plan, .space = space, .room = room, .threshold = threshold, .a = a, .iw = iw};
+  f.thread_reals = a + plan->nz;
+  f.remainder_reals = f.thread_reals + (size_t)space.threads * (size_t)thread_reals(&space);
+  f.thread_integers = iw + HEADER + plan_integers(plan) + boundaries;
+  f.remainder_integers = f.thread_integers + (size_t)space.threads * (size_t)thread_integers(plan, &space);
+  f.table = f.remainder_integers + (size_t)branches * (size_t)remainder_integers(space.remainder);
+  iw[STAGE_COUNT] = plan->stages, iw[CHAIN_COUNT] = plan->chains, iw[THREADS] = threads;
+  iw[TABLE] = (int)(f.table - iw), iw[FRONT] = space.front;
+  /* Every chain's factors have their room from the start. */
+  int integers = iw[TABLE] + 2 * plan->stages;
+  int reals = (int)(f.remainder_reals - a) + branches * remainder_reals(space.remainder);
   for (int s = 0; s < plan->stages; s++) {
-    if (before.candidates - begin > room) return *needed = space_for(plan, boundaries, 2 * room).reals, NO_REAL_SPACE;
-    Front front = {0, 0, 0, fronts + (s % 2) * front_reals(space.front), lists + (s % 2) * space.front};
-    assemble(&front, plan, s, a, &before, begin, slot);
-    table[2 * s] = (int)(out.integers - iw), table[2 * s + 1] = (int)(out.reals - a);
-    const int last = s == plan->stages - 1;
-    begin = eliminate(&front, plan->first[s], plan->pairs[s], threshold, last, &out, work, slots);
-    if (last && begin < front.candidates) return SINGULAR;
-    before = front;
+    const Space stage = stage_space(plan, s, room);
+    f.table[2 * s] = integers, f.table[2 * s + 1] = reals;
+    integers += stage.integers, reals += stage.reals;
   }
-  *negative = out.negative;
-  return 0;
+
+  Remainder *left = malloc(sizeof(Remainder) * (size_t)plan->chains);
+  if (!left) return SINGULAR;
+  for_each(branches, space.threads, eliminate_branch, &f);
+  for (int c = 0; c < branches && !f.crowded; c++) left[c] = kept_remainder(&f, c);
+  if (!f.crowded) eliminate_chain(&f, branches, 0, left, branches);
+  free(left);
+  *negative = f.negative;
+  if (f.crowded) return *needed = space_for(plan, boundaries, 2 * room, threads).reals, NO_REAL_SPACE;
+  return f.singular ? SINGULAR : 0;
 }
 
-/* Forward through the stages: x (by position) loses what the eliminated unknowns carry. `local` holds one front. */
-static void solve_forward(const int *iw, const double *a, double *x, double *local) {
-  for (int s = 0; s < iw[STAGES]; s++) {
+/* A solve under way: x by place, and for each thread a `local` of one front. */
+typedef struct {
+  const Plan *plan;
+  const int *iw;
+  const double *a, *rhs;
+  double *x, *local;
+} Solve;
+
+/* Forward through the stages of a chain: x loses what the eliminated unknowns carry. */
+static void solve_forward(const Solve *solve, int chain, double *local) {
+  const int *iw = solve->iw;
+  double *x = solve->x;
+  for (int s = solve->plan->chain[chain]; s < chain_end(solve->plan, chain); s++) {
     const int *integers = iw + iw[iw[TABLE] + 2 * s], *table = integers + STAGE_HEADER;
-    const double *reals = a + iw[iw[TABLE] + 2 * s + 1];
+    const double *reals = solve->a + iw[iw[TABLE] + 2 * s + 1];
     const int rows = integers[ROWS], columns = integers[COLUMNS], stride = padded(rows);
-    const int *positions = integers + integers[POSITIONS];
+    const int *places = integers + integers[PLACES];
     const double *panel = reals + integers[DIAGONAL] + 2 * columns;
     for (int k = 0; k < integers[PAIRS]; k++) {
       const int *record = integers + table[2 * k], count = record[0], *where = record + 1;
@@ -603,23 +826,25 @@ static void solve_forward(const int *iw, const double *a, double *x, double *loc
       const double u = pivot[0] * y[0] + pivot[1] * y[1], v = pivot[1] * y[0] + pivot[2] * y[1];
       for (int t = 0; t < count; t++) x[where[t]] -= b[t] * u + c[t] * v;
     }
-    for (int i = 0; i < rows; i++) local[i] = x[positions[i]];
+    for (int i = 0; i < rows; i++) local[i] = x[places[i]];
     for (int p = 0; p < columns; p++, panel += stride) subtract(local + p + 1, local[p], panel + p + 1, rows - p - 1);
-    for (int i = 0; i < rows; i++) x[positions[i]] = local[i];
+    for (int i = 0; i < rows; i++) x[places[i]] = local[i];
   }
 }
 
 /* Backward: x becomes the solution. */
-static void solve_backward(const int *iw, const double *a, double *x, double *local) {
-  for (int s = iw[STAGES] - 1; s >= 0; s--) {
+static void solve_backward(const Solve *solve, int chain, double *local) {
+  const int *iw = solve->iw;
+  double *x = solve->x;
+  for (int s = chain_end(solve->plan, chain) - 1; s >= solve->plan->chain[chain]; s--) {
     const int *integers = iw + iw[iw[TABLE] + 2 * s], *table = integers + STAGE_HEADER;
-    const double *reals = a + iw[iw[TABLE] + 2 * s + 1];
+    const double *reals = solve->a + iw[iw[TABLE] + 2 * s + 1];
     const int pairs = integers[PAIRS], rows = integers[ROWS], columns = integers[COLUMNS], stride = padded(rows);
-    const int *positions = integers + integers[POSITIONS];
+    const int *places = integers + integers[PLACES];
     const double *diagonal = reals + integers[DIAGONAL];
-    const int *kinds = positions + rows;
+    const int *kinds = places + rows;
     const double *panel = diagonal + 2 * columns;
-    for (int i = 0; i < rows; i++) local[i] = x[positions[i]];
+    for (int i = 0; i < rows; i++) local[i] = x[places[i]];
     for (int p = 0; p < columns; p++) {
       if (kinds[p] == 1) {
         local[p] *= diagonal[2 * p];
@@ -632,7 +857,7 @@ static void solve_backward(const int *iw, const double *a, double *x, double *lo
     }
     for (int p = columns - 1; p >= 0; p--)
       local[p] -= dot(local + p + 1, panel + (size_t)p * (size_t)stride + p + 1, rows - p - 1);
-    for (int i = 0; i < columns; i++) x[positions[i]] = local[i];
+    for (int i = 0; i < columns; i++) x[places[i]] = local[i];
     for (int k = pairs - 1; k >= 0; k--) {
       const int *record = integers + table[2 * k], count = record[0], *where = record + 1;
       const double *pivot = reals + table[2 * k + 1], *b = pivot + 3, *c = b + count;
@@ -644,17 +869,63 @@ static void solve_backward(const int *iw, const double *a, double *x, double *lo
   }
 }
 
+static void load(const Solve *solve, int chain) {
+  const Plan *plan = solve->plan;
+  const int first = plan->first[plan->chain[chain]], end = plan->first[chain_end(plan, chain)];
+  double *own = solve->x + own_places(plan, chain);
+  for (int p = first; p < end; p++) own[p - first] = solve->rhs[plan->order[p]];
+}
+
+static void forward_branch(void *context, int chain, int thread) {
+  const Solve *solve = context;
+  const int trunk_size = solve->plan->n - trunk_position(solve->plan);
+  load(solve, chain);
+  memset(solve->x + trunk_places(solve->plan, chain), 0, sizeof(double) * (size_t)trunk_size);
+  solve_forward(solve, chain, solve->local + (size_t)thread * (size_t)solve->iw[FRONT]);
+}
+
+static void backward_branch(void *context, int chain, int thread) {
+  const Solve *solve = context;
+  const Plan *plan = solve->plan;
+  const int trunk_size = plan->n - trunk_position(plan);
+  memcpy(solve->x + trunk_places(plan, chain), solve->x + own_places(plan, plan->chains - 1),
+         sizeof(double) * (size_t)trunk_size);
+  solve_backward(solve, chain, solve->local + (size_t)thread * (size_t)solve->iw[FRONT]);
+}
+
+/* Solve with the factors; `w` has room for x and the threads' fronts. */
+static void solve_all(int n, const int *iw, const double *a, double *rhs, double *w) {
+  const Plan bare = bare_plan(n, 0, iw[STAGE_COUNT], iw[CHAIN_COUNT], iw + HEADER), *plan = &bare;
+  const int threads = iw[THREADS];
+  Solve solve = {plan, iw, a, rhs, w, w + all_places(plan)};
+  const int branches = plan->chains - 1, trunk = trunk_position(plan);
+  double *x = w + own_places(plan, branches);
+  for_each(branches, threads, forward_branch, &solve);
+  load(&solve, branches);
+  for (int c = 0; c < branches; c++) {
+    const double *taken = w + trunk_places(plan, c);
+    for (int i = 0; i < plan->n - trunk; i++) x[i] += taken[i];
+  }
+  solve_forward(&solve, branches, solve.local);
+  solve_backward(&solve, branches, solve.local);
+  for_each(branches, threads, backward_branch, &solve);
+  for (int c = 0; c < plan->chains; c++) {
+    const int first = plan->first[plan->chain[c]], end = plan->first[chain_end(plan, c)];
+    const double *own = w + own_places(plan, c);
+    for (int p = first; p < end; p++) rhs[plan->order[p]] = own[p - first];
+  }
+}
+
 /* ---- the calling sequence of MA27 ----
  *
- * IKEEP (3n integers) carries the order of elimination from the analysis to the factorisations. `iw` and `a` are
- * allocated in between, so the plan is made again by the first factorisation and kept in `iw`. */
+ * IKEEP (3n integers) carries the order of elimination from the analysis to the factorisations, PLANNED, BOUNDARIES and
+ * the counts in front of it. `iw` and `a` are allocated in between, so the plan is made again by the first
+ * factorisation and kept in `iw`. */
 
-enum { PLANNED, BOUNDARIES, STAGE_COUNT, KEPT };
+enum { PLANNED = FRONT + 1, BOUNDARIES, KEPT };
 
 static Plan kept_plan(int n, int nz, const int *ikeep) {
-  const int stages = ikeep[STAGE_COUNT], *order = ikeep + KEPT;
-  Plan plan = {n, nz, stages, order + n, order + n + stages + 1, 0, 0, 0, 0, 0, 0, 0, 0};
-  return plan;
+  return bare_plan(n, nz, ikeep[STAGE_COUNT], ikeep[CHAIN_COUNT], ikeep + KEPT);
 }
 
 void ma27id_(int *icntl, double *cntl) {
@@ -668,26 +939,29 @@ void ma27ad_(int *n, int *nz, const int *irn, const int *icn, int *iw, int *liw,
   (void)iw, (void)liw, (void)iflag, (void)icntl, (void)cntl;
   memset(info, 0, 20 * sizeof(int));
   *nsteps = 1, *ops = 0;
-  if (handed.n != *n || KEPT + *n + 2 * handed.stages + 1 > 3 * *n) {
+  const int kept = handed_size(*n, handed.stages, handed.chains);
+  if (handed.n != *n || KEPT + kept > 3 * *n) {
     handed.refused++;
     info[0] = FAILED_SIZE;
     return;
   }
-  ikeep[PLANNED] = 0, ikeep[STAGE_COUNT] = handed.stages;
-  memcpy(ikeep + KEPT, handed.order, sizeof(int) * (size_t)(*n + 2 * handed.stages + 1));
-  Plan plan = kept_plan(*n, *nz, ikeep);
+  ikeep[PLANNED] = 0, ikeep[STAGE_COUNT] = handed.stages, ikeep[CHAIN_COUNT] = handed.chains;
+  ikeep[THREADS] = handed.threads;
+  memcpy(ikeep + KEPT, handed.order, sizeof(int) * (size_t)kept);
   /* Room for boundaries: every stage may reach all that follows, but rarely does. */
+  Plan plan = kept_plan(*n, *nz, ikeep);
   for (int most = 200 * handed.stages;; most *= 2) {
-    const int size = plan_integers(*n, *nz, handed.stages) + most;
+    const int size = plan_integers(&plan) + most;
     int *room = malloc(sizeof(int) * (size_t)size);
     if (!room) {
       info[0] = NO_INTEGER_SPACE;
       return;
     }
-    ikeep[BOUNDARIES] = make_plan(&plan, handed.order, irn, icn, room, size, iw1);
+    plan = kept_plan(*n, *nz, ikeep);
+    ikeep[BOUNDARIES] = make_plan(&plan, irn, icn, room, size, iw1);
     const int fits = ikeep[BOUNDARIES] <= most;
     if (fits) {
-      const Space space = space_for(&plan, ikeep[BOUNDARIES], DELAYED_ROOM);
+      const Space space = space_for(&plan, ikeep[BOUNDARIES], DELAYED_ROOM, handed.threads);
       info[4] = space.reals, info[5] = space.integers;
     }
     free(room);
@@ -701,7 +975,7 @@ void ma27bd_(int *n, int *nz, const int *irn, const int *icn, double *a, int *la
   (void)nsteps, (void)icntl;
   memset(info, 0, 20 * sizeof(int));
   Plan plan = kept_plan(*n, *nz, ikeep);
-  const int planned = plan_integers(*n, *nz, plan.stages) + ikeep[BOUNDARIES];
+  const int planned = plan_integers(&plan) + ikeep[BOUNDARIES];
   if (HEADER + planned > *liw) {
     info[0] = NO_INTEGER_SPACE, info[1] = 2 * (HEADER + planned);
     return;
@@ -709,20 +983,16 @@ void ma27bd_(int *n, int *nz, const int *irn, const int *icn, double *a, int *la
   if (ikeep[PLANNED])
     lay_out(&plan, iw + HEADER);
   else
-    make_plan(&plan, ikeep + KEPT, irn, icn, iw + HEADER, planned, iw1);
+    make_plan(&plan, irn, icn, iw + HEADER, planned, iw1);
   ikeep[PLANNED] = 1;
-  info[0] = factorise(&plan, ikeep[BOUNDARIES], cntl[0], a, *la, iw, *liw, &info[14], &info[1]);
+  info[0] = factorise(&plan, ikeep[BOUNDARIES], cntl[0], ikeep[THREADS], a, *la, iw, *liw, &info[14], &info[1]);
   /* Both arrays are allocated anew then, and the plan is lost with them. */
   if (info[0] == NO_REAL_SPACE || info[0] == NO_INTEGER_SPACE) ikeep[PLANNED] = 0;
-  *maxfrt = *n + iw[FRONT];
+  *maxfrt = all_places(&plan) + ikeep[THREADS] * iw[FRONT];
 }
 
 void ma27cd_(int *n, double *a, int *la, int *iw, int *liw, double *w, int *maxfrt, double *rhs, int *iw1,
              int *nsteps, int *icntl, double *cntl) {
   (void)la, (void)liw, (void)maxfrt, (void)iw1, (void)nsteps, (void)icntl, (void)cntl;
-  const int *order = iw + HEADER; /* the plan begins with it */
-  for (int p = 0; p < *n; p++) w[p] = rhs[order[p]];
-  solve_forward(iw, a, w, w + *n);
-  solve_backward(iw, a, w, w + *n);
-  for (int p = 0; p < *n; p++) rhs[order[p]] = w[p];
+  solve_all(*n, iw, a, rhs, w);
 }

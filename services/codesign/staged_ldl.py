@@ -22,7 +22,7 @@ from services.codesign.kernels import build_once, default_cache, processor, run_
 
 SOURCE = Path(__file__).with_suffix(".c")
 
-COMPILER_FLAGS = ("-O3", "-march=native", "-ffp-contract=fast", "-fno-math-errno", "-fopenmp-simd", "-fPIC", "-shared")
+COMPILER_FLAGS = ("-O3", "-march=native", "-ffp-contract=fast", "-fno-math-errno", "-fopenmp-simd", "-pthread")
 """The loops are written for vectors: -march=native gives the widest that this machine has."""
 
 PIVOT_THRESHOLD = 1e-4
@@ -38,14 +38,16 @@ class StagedLDL:
     path: Path
     library: ctypes.CDLL
 
-    def hand_over(self, elimination: Elimination) -> None:
-        """Give the order in which the systems that follow are eliminated."""
-        arrays = (elimination.order, elimination.first, elimination.pairs)
+    def hand_over(self, elimination: Elimination, threads: int = 1) -> None:
+        """Give the order in which the systems that follow are eliminated, and how many threads do it."""
+        arrays = (elimination.order, elimination.first, elimination.pairs, elimination.chains)
         pointers = [np.ascontiguousarray(array, dtype=np.int32) for array in arrays]
         failed = self.library.staged_ldl_order(
             len(elimination.order),
             len(elimination.pairs),
+            len(elimination.chains),
             *(array.ctypes.data_as(ctypes.c_void_p) for array in pointers),
+            threads,
         )
         if failed:
             raise MemoryError("no memory for the order of elimination")
@@ -91,5 +93,5 @@ def library_name() -> str:
 def _compile(compiler: str, path: Path) -> None:
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         built = f"{folder}/staged_ldl.so"
-        run_compiler([compiler, *COMPILER_FLAGS, str(SOURCE), "-o", built, "-lm"])
+        run_compiler([compiler, *COMPILER_FLAGS, "-fPIC", "-shared", str(SOURCE), "-o", built, "-lm"])
         os.replace(built, path)

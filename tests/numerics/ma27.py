@@ -24,10 +24,12 @@ def _number(value: int) -> Any:
 class MA27:
     """One matrix pattern: lower or upper entries (rows, columns), entries at the same place add up."""
 
-    def __init__(self, order: Elimination, size: int, rows: np.ndarray, columns: np.ndarray) -> None:
+    def __init__(
+        self, order: Elimination, size: int, rows: np.ndarray, columns: np.ndarray, *, threads: int = 1
+    ) -> None:
         loaded = load_staged_ldl()
         assert isinstance(loaded, StagedLDL)
-        loaded.hand_over(order)
+        loaded.hand_over(order, threads)
         self.library, self.size, self.entries = loaded.library, size, len(rows)
         self.irn, self.icn = (np.asarray(part, dtype=np.int32) + 1 for part in (rows, columns))
         self.icntl, self.cntl, self.info = np.zeros(30, np.int32), np.zeros(5), np.zeros(20, np.int32)

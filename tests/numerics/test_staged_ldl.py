@@ -40,9 +40,9 @@ def dense(size: int, entries: Entries) -> np.ndarray:
     return matrix + matrix.T - np.diag(matrix.diagonal())
 
 
-def check(order: Elimination, size: int, entries: Entries) -> MA27:
+def check(order: Elimination, size: int, entries: Entries, threads: int = 1) -> MA27:
     """Factorise and solve: the inertia is numpy's, the solution solves."""
-    ma27, matrix = MA27(order, size, *entries[:2]), dense(size, entries)
+    ma27, matrix = MA27(order, size, *entries[:2], threads=threads), dense(size, entries)
     assert ma27.status == 0
     values = np.linalg.eigvalsh(matrix)
     for _ in range(2):  # the second time with the plan of the first
@@ -58,9 +58,21 @@ def lower_entries(matrix: np.ndarray) -> Entries:
     return rows, columns, matrix[rows, columns]
 
 
-def order_of(sizes: list[int], pairs: list[int] | None = None) -> Elimination:
+def order_of(sizes: list[int], pairs: list[int] | None = None, chains: tuple[int, ...] = (0,)) -> Elimination:
     first = np.concatenate([[0], np.cumsum(sizes)])
-    return Elimination(np.arange(first[-1]), first, np.array(pairs or [0] * len(sizes)))
+    return Elimination(np.arange(first[-1]), first, np.array(pairs or [0] * len(sizes)), np.array(chains))
+
+
+def bordered(blocks: list[int], border: int, rng: np.random.Generator) -> np.ndarray:
+    """Symmetric and indefinite: blocks that meet in the border alone."""
+    size = sum(blocks) + border
+    matrix, begin = rng.normal(size=(size, size)), 0
+    for block in blocks:
+        end = begin + block
+        matrix[begin:end, :begin] = matrix[begin:end, end : size - border] = 0
+        begin = end
+    lower = np.tril(matrix)
+    return lower + lower.T
 
 
 # ---- any symmetric matrix
@@ -73,6 +85,41 @@ def test_dense_indefinite_matrix(sizes, seed):
     size = sum(sizes)
     matrix = rng.normal(size=(size, size))
     check(order_of(sizes), size, lower_entries(matrix + matrix.T))
+
+
+@pytest.mark.parametrize(
+    ("sizes", "chains"),
+    [([4, 5, 6, 7], (0, 1, 2, 3)), ([4, 5, 6, 7, 3, 2], (0, 2, 4)), ([9, 1, 2, 8, 30], (0, 1, 3)), ([5, 6], (0, 1))],
+    ids=str,
+)
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_chains_that_meet_in_the_trunk(sizes, chains, threads):
+    rng = np.random.default_rng(len(sizes))
+    ends = [sum(sizes[:stage]) for stage in (*chains[1:], len(sizes))]
+    *blocks, border = np.diff([0, *ends])
+    entries = lower_entries(bordered(list(blocks), border, rng))
+    check(order_of(sizes, chains=chains), sum(sizes), entries, threads)
+
+
+def test_unknowns_of_a_chain_without_a_pivot_wait_for_the_trunk():
+    """[0 B; B' 0] with all of B' in the trunk: no chain has a pivot of its own."""
+    rng = np.random.default_rng(0)
+    matrix = np.zeros((60, 60))
+    matrix[:30, 30:] = rng.normal(size=(30, 30)) + 5 * np.eye(30)
+    check(order_of([6, 4, 10, 10, 30], chains=(0, 2, 3, 4)), 60, lower_entries(matrix + matrix.T), 2)
+
+
+def test_not_a_bit_depends_on_the_number_of_threads():
+    """Whichever thread is first: ten times over, the numbers are those of one thread."""
+    blocks, rng = [40] * 6, np.random.default_rng(3)
+    entries = lower_entries(bordered(blocks, 12, rng))
+    rhs = rng.normal(size=252)
+    answers = []
+    for threads in (1, *[3] * 10):
+        ma27 = MA27(order_of([*blocks, 12], chains=tuple(range(7))), 252, *entries[:2], threads=threads)
+        ma27.factorise(entries[2])
+        answers.append(ma27.solve(rhs))
+    assert all(np.array_equal(answers[0], answer) for answer in answers[1:])
 
 
 def test_order_is_followed_whatever_the_numbering():
