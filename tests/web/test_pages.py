@@ -85,6 +85,8 @@ def test_comparison_and_designs(page: Page, finished: str) -> None:
     heat = page.get_by_role("table", name="over worst case")
     expect(heat.locator(".cell")).to_have_count(4)
     expect(heat.locator(".cell").first).to_have_text(re.compile(r"^[+−]?\d+\.\d$"))
+    limits = page.get_by_role("table", name="own design per task")
+    expect(limits.get_by_role("row", name=re.compile(r"^current_limit_A 3.A raise \d of 4 tasks .* s.A"))).to_be_visible()
     page.get_by_role("link", name="Designs", exact=True).click()
     expect(page.locator(".panels svg")).to_have_count(7)
     expect(page.locator(".panels .mark.chosen")).to_have_count(42)
