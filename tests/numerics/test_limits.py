@@ -20,7 +20,7 @@ SHARP = SolverOptions(tol=1e-8)
 CHANGE = 0.01
 
 SECOND_ORDER = 0.05
-"""Relative: what a central difference over one percent either way may differ by where a motion's arcs move on the grid."""
+"""Relative: what a difference over one percent either way may be off by, where a motion's arcs move on the grid."""
 
 COARSE = Transcription(intervals=20)
 CURRENT = Transcription("radau", 2, 12, "current")
@@ -74,6 +74,15 @@ def of_bound(name: str, end: int):
     return lambda p: p.motor.bounds[name][end] * 1e3, changed
 
 
+def of_joint(field: str, k: int):
+    """A limit of one joint."""
+
+    def changed(p: Problem, value: float) -> Problem:
+        return replace(p, robot=replace(p.robot, **{field: _with(getattr(p.robot, field), k, value)}))
+
+    return lambda p: getattr(p.robot, field)[k], changed
+
+
 def _with(values: np.ndarray, k: int, value: float) -> np.ndarray:
     return np.where(np.arange(len(values)) == k, value, values)
 
@@ -92,14 +101,8 @@ LIMITS = {
         lambda p: p.task.duration,
         lambda p, value: replace(p, task=replace(p.task, duration=value)),
     ),
-    "joint_speed_limit_rad_s.2": (
-        lambda p: p.robot.joint_speed_bound[1],
-        lambda p, value: replace(p, robot=replace(p.robot, joint_speed_bound=_with(p.robot.joint_speed_bound, 1, value))),
-    ),
-    "joint_position_limit_rad.1.low": (
-        lambda p: p.robot.joint_lower[0],
-        lambda p, value: replace(p, robot=replace(p.robot, joint_lower=_with(p.robot.joint_lower, 0, value))),
-    ),
+    "joint_speed_limit_rad_s.2": of_joint("joint_speed_bound", 1),
+    "joint_position_limit_rad.1.low": of_joint("joint_lower", 0),
     **{f"bounds_mm.{name}.{end}": of_bound(name, k) for name in ("L", "h_sy") for k, end in enumerate(("low", "high"))},
 }
 
