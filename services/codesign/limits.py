@@ -129,7 +129,7 @@ def _motion_limits(
     rotor = robot.rotor_speed_limit
     by_rotor = robot.joint_speed_limit < robot.joint_speed_bound
     yield "rotor_speed_limit_rad_s", _limit(rotor, -float(parts["speed"][by_rotor].sum()) / rotor)
-    for k in np.flatnonzero(~by_rotor):
+    for k in np.flatnonzero(~by_rotor).tolist():
         bound = float(robot.joint_speed_bound[k])
         yield f"joint_speed_limit_rad_s.{k + 1}", _limit(bound, -float(parts["speed"][k]) / bound)
     positions = _positions(layout, pulls)
