@@ -7,14 +7,17 @@ from __future__ import annotations
 
 import signal
 import threading
+import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 
 import structlog
 from kombu.exceptions import OperationalError
+from sqlalchemy import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
-from services.jobs.outbox import relay
+from services.jobs.outbox import recall, relay, unclaimed
 from services.jobs.retention import forget_old
 from services.jobs.sweep import sweep
 from services.jobs.tally import tally
@@ -36,9 +39,12 @@ def run_relay(settings: Settings, stop: threading.Event) -> None:
     """
     engine, app = make_engine(settings.database_url), celery_app(settings.broker_url)
 
+    wake, backlog = partial(send, app, RUN_JOB), partial(queue_size, app)
+    lost_queue = LostQueue(engine, backlog, settings.sweep_s)
+
     def send_due() -> None:
-        wake = partial(send, app, RUN_JOB)
-        if not relay(engine, wake, settings.resend_after_s, partial(queue_size, app)):
+        lost_queue.look()
+        if not relay(engine, wake, settings.resend_after_s, backlog):
             stop.wait(settings.relay_poll_s)
 
     def tidy() -> None:
@@ -54,6 +60,31 @@ def run_relay(settings: Settings, stop: threading.Event) -> None:
     _repeat(send_due, stop, "relay")
     sweeper.join()
     engine.dispose()
+
+
+@dataclass
+class LostQueue:
+    """Looks now and then whether the broker has lost its queue, and has it sent again.
+
+    An empty broker while jobs wait may be one whose last messages are on their way to a claim, so it has to be found
+    empty twice in a row.
+    """
+
+    engine: Engine
+    backlog: Callable[[], int]
+    every_s: float
+    _next: float = 0.0
+    _was_empty: bool = False
+
+    def look(self) -> None:
+        """Every `every_s`; else nothing."""
+        if time.monotonic() < self._next:
+            return
+        self._next = time.monotonic() + self.every_s
+        empty = unclaimed(self.engine) > 0 and self.backlog() == 0
+        if empty and self._was_empty:
+            log.warning("the broker has lost its queue", jobs=recall(self.engine))
+        self._was_empty = empty and not self._was_empty
 
 
 def _repeat(act: Callable[[], None], stop: threading.Event, what: str) -> None:

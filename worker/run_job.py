@@ -16,10 +16,15 @@ from services.jobs.finish import finish
 from services.jobs.work import load_work
 from shared.settings import Settings
 from worker.drain import drained
-from worker.patience import patiently
+from worker.patience import for_the_next, patiently
 from worker.sign_of_life import worker_name
 
 log = structlog.get_logger()
+
+GIVING_BACK_S = 10.0
+"""How long a worker that ends tries to give a job back; after that its lease expires and the attempt counts."""
+LAST_BEAT_S = 5.0
+"""How long a finished solve waits for its heartbeat, which may hang on a database that does not answer."""
 
 
 def run_job(engine: Engine, settings: Settings, job_id: str) -> None:
@@ -37,7 +42,8 @@ def run_job(engine: Engine, settings: Settings, job_id: str) -> None:
         options = SolverOptions(max_wall_time=settings.solve_time_limit_s, threads=settings.shared_threads)
         outcome = execute(work, options, heartbeat.should_stop)
     if heartbeat.gave_up:
-        logger.info("job given back", accepted=release(engine, held))
+        accepted = patiently(lambda: release(engine, held), for_the_next(GIVING_BACK_S))
+        logger.info("job given back", accepted=accepted)
         return
     accepted = patiently(lambda: finish(engine, held, outcome))
     logger.info("job finished", state=outcome.state, value=outcome.value, reason=outcome.reason, accepted=accepted)
@@ -66,7 +72,7 @@ class Heartbeat:
 
     def __exit__(self, *_: object) -> None:
         self._done.set()
-        self._thread.join()
+        self._thread.join(LAST_BEAT_S)  # later beats of it change nothing: the token is old, or the job final
 
     def should_stop(self, iteration: IterationReport) -> bool:
         """For the solver."""

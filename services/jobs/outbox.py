@@ -37,7 +37,7 @@ def relay(
         return 0
     first = [row.job_id for row in due if not row.sent]
     again = [row.job_id for row in due if row.sent]
-    lost = max(0, _unclaimed(engine) - backlog()) if again else 0
+    lost = max(0, unclaimed(engine) - backlog()) if again else 0
     sending, waiting = first + again[:lost], again[lost:]
     gone: set[str] = set()
     try:
@@ -53,13 +53,23 @@ def relay(
     return len(gone)
 
 
+def recall(engine: Engine) -> int:
+    """Make every message due that was sent and led to no claim, as if it had been sent once; returns how many.
+
+    For a broker that is empty although jobs wait: it lost its queue, and that is no reason to wait ever longer.
+    """
+    with transaction(engine) as session:
+        waiting = update(Outbox).where(Outbox.due_at.is_not(None), Outbox.sent > 0)
+        return len(session.execute(waiting.values(due_at=now(), sent=1).returning(Outbox.job_id)).all())
+
+
+def unclaimed(engine: Engine) -> int:
+    """Count the jobs that were sent and not claimed since."""
+    with reading(engine) as session:
+        return session.scalar(select(func.count()).where(Outbox.due_at.is_not(None), Outbox.sent > 0)) or 0
+
+
 def _put_off(session: Session, job_ids: list[str], seconds: float, sent: int | None = None) -> None:
     """Unless they were claimed meanwhile."""
     values = {"due_at": now() + seconds} | ({} if sent is None else {"sent": sent})
     session.execute(update(Outbox).where(Outbox.job_id.in_(job_ids), Outbox.due_at.is_not(None)).values(values))
-
-
-def _unclaimed(engine: Engine) -> int:
-    """Jobs that were sent and not claimed since."""
-    with reading(engine) as session:
-        return session.scalar(select(func.count()).where(Outbox.due_at.is_not(None), Outbox.sent > 0)) or 0

@@ -12,6 +12,19 @@ from sqlalchemy.orm import Session
 
 SQLITE_BUSY_TIMEOUT_S = 30
 
+POSTGRES_CONNECTION = {
+    "connect_timeout": 10,  # s
+    "keepalives_idle": 10,  # s of silence before the first question
+    "keepalives_interval": 5,  # s
+    "keepalives_count": 4,
+    "tcp_user_timeout": 30_000,  # ms that something sent may stay unacknowledged (Linux)
+}
+"""A host that vanished is noticed within 30 s; the system's own defaults take hours. What a URL says goes first."""
+
+IDLE_IN_TRANSACTION_S = 30
+"""Postgres ends a transaction in which nothing has happened for so long: its process is frozen or its host is gone, and
+the rows that it locked are free again. No transaction here waits for anything but the database."""
+
 
 def make_engine(url: str) -> Engine:
     """Create an engine. For SQLite: WAL, one writer at a time, and a wait instead of a lock error.
@@ -33,7 +46,15 @@ def make_engine(url: str) -> Engine:
         return engine
     if parsed.drivername == "postgresql":
         parsed = parsed.set(drivername="postgresql+psycopg")
-    return create_engine(parsed, pool_pre_ping=True)
+    unset = {name: value for name, value in POSTGRES_CONNECTION.items() if name not in parsed.query}
+    engine = create_engine(parsed, pool_pre_ping=True, connect_args=unset)
+    event.listen(engine, "connect", _configure_postgres)
+    return engine
+
+
+def _configure_postgres(connection: Any, _record: Any) -> None:
+    connection.execute(f"SET idle_in_transaction_session_timeout = '{IDLE_IN_TRANSACTION_S}s'")
+    connection.commit()
 
 
 def _configure_sqlite(connection: Any, _record: Any) -> None:

@@ -6,6 +6,7 @@ What a test says while they run is in the home folder: `SOLVE_S`, `DEADLY_TASK`;
 
 from __future__ import annotations
 
+import mmap
 import os
 import signal
 import sys
@@ -17,6 +18,7 @@ from typing import Any
 
 import api.main
 import services.jobs.outbox
+import worker.drain
 import worker.main
 import worker.relay
 import worker.run_job
@@ -49,6 +51,8 @@ def start(role: str, environment: dict[str, str]) -> None:
 
 def run_worker() -> None:
     """A worker whose solves are stand-ins."""
+    # Shared by a worker and its children; not made anew, it would be shared by all workers, which have one parent here.
+    worker.drain._shared = mmap.mmap(-1, len(worker.drain._shared))
     worker.run_job.execute = _stand_in  # type: ignore[assignment]
     sys.argv = ["worker"]
     worker.main.main()
@@ -69,6 +73,18 @@ def run_dying_relay() -> None:
     worker.relay.main()
 
 
+def run_tenfold_relay() -> None:
+    """A relay that publishes everything ten times."""
+    once = worker.relay.send
+
+    def send(*message: Any) -> None:
+        for _ in range(10):
+            once(*message)
+
+    worker.relay.send = send
+    worker.relay.main()
+
+
 def run_api() -> None:
     """The API on the port that the environment names."""
     sys.argv = ["api", "--port", os.environ["ARMATURE_TEST_PORT"]]
@@ -79,6 +95,7 @@ ROLES: dict[str, Callable[[], None]] = {
     "worker": run_worker,
     "relay": run_relay,
     "dying relay": run_dying_relay,
+    "tenfold relay": run_tenfold_relay,
     "api": run_api,
 }
 

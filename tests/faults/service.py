@@ -78,11 +78,12 @@ class Service:
         self._started.append(process)
         return process
 
-    def start_api(self) -> httpx.Client:
+    def start_api(self, **environment: str) -> httpx.Client:
         """Start the API, and give a client of it when it answers."""
         port = str(free_port())
-        self.start("api", ARMATURE_TEST_PORT=port)
-        client = httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=START_S)
+        self.start("api", ARMATURE_TEST_PORT=port, **environment)
+        unlimited = httpx.Limits(max_connections=None)
+        client = httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=START_S, limits=unlimited)
         self._clients.append(client)
         wait_until(lambda: answers(client), START_S)
         return client
