@@ -13,10 +13,14 @@ from api import dashboard
 from api.access import Access, owned
 from api.context import Context
 from api.errors import install_error_handlers
+from api.listeners import Listeners
 from api.metrics import QueueCollector, RequestMetrics
+from api.openapi import describe_problems
+from api.plain_text import PlainText
 from api.rate_limit import RateLimit
 from api.request_log import RequestLog
 from api.routers import applications, events, health, results, robots, session, sweeps
+from api.same_site import SameSite
 from api.too_large import TooLarge
 from api.yaml_bodies import YamlBodies
 from shared.db.engine import make_engine
@@ -49,11 +53,14 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.state.context = context
     install_error_handlers(app)
     # From the inside out.
+    app.add_middleware(Listeners)
+    app.add_middleware(PlainText)
     app.add_middleware(YamlBodies)
     app.add_middleware(RequestBodyLimitMiddleware, max_body_size=settings.max_body_bytes)
     app.add_middleware(TooLarge, most=settings.max_body_bytes)
     app.add_middleware(RateLimit, per_minute=settings.rate_per_minute)
     app.add_middleware(Access, context=context)
+    app.add_middleware(SameSite)
     app.add_middleware(RequestLog)
     app.add_middleware(RequestMetrics, registry=context.registry)
     context.registry.register(QueueCollector(context.engine, settings.lease_s))
@@ -62,4 +69,5 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     for router in (session.router, health.router):
         app.include_router(router)
     dashboard.install(app)
+    describe_problems(app)
     return app

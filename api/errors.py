@@ -10,6 +10,7 @@ import structlog
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from pydantic import BaseModel, Field
 from sqlalchemy.exc import OperationalError
 from starlette.exceptions import HTTPException
 
@@ -24,6 +25,26 @@ log = structlog.get_logger()
 MEDIA_TYPE = "application/problem+json"
 MOST_ERRORS = 20
 QUEUE_FULL_RETRY_S = "30"
+NOT_ALLOWED = 405
+
+
+class BrokenLimit(BaseModel):
+    """One thing wrong with an input."""
+
+    field: str = Field(description="such as tasks[3].payload_kg")
+    value: str | float | bool | None = Field(description="what was given; long values are cut")
+    limit: str
+    message: str = Field(description="all of it, for a person")
+
+
+class Problem(BaseModel):
+    """An error (RFC 9457)."""
+
+    type: str
+    title: str
+    status: int
+    detail: str = Field(description="for a person")
+    errors: list[BrokenLimit] | None = None
 
 
 def problem(
@@ -46,6 +67,12 @@ def refusal(errors: list[FieldError]) -> JSONResponse:
     detail = "; ".join(error.message for error in errors[:3])
     more = f"; and {len(errors) - 3} more" if len(errors) > 3 else ""
     return problem(422, detail + more, errors)
+
+
+def _methods(request: Request) -> list[str]:
+    """What may be asked of a path."""
+    template = getattr(request.scope.get("route"), "path", "")
+    return sorted(method.upper() for method in request.app.openapi()["paths"].get(template, ()))
 
 
 def install_error_handlers(app: FastAPI) -> None:
@@ -76,8 +103,11 @@ def install_error_handlers(app: FastAPI) -> None:
         return problem(409, str(error))
 
     @app.exception_handler(HTTPException)
-    async def _http(_request: Request, error: HTTPException) -> JSONResponse:
-        return problem(error.status_code, str(error.detail), headers=error.headers)
+    async def _http(request: Request, error: HTTPException) -> JSONResponse:
+        headers = dict(error.headers or {})
+        if error.status_code == NOT_ALLOWED and (methods := _methods(request)):
+            headers["Allow"] = ", ".join(methods)  # the framework names those of the first route alone
+        return problem(error.status_code, str(error.detail), headers=headers)
 
     @app.exception_handler(OperationalError)
     async def _database_away(_request: Request, error: OperationalError) -> JSONResponse:

@@ -58,6 +58,10 @@ def read_yaml(text: str) -> Any:
         raise YamlError(_where(error)) from error
     except RecursionError:
         raise YamlError("nested too deep") from None
+    except YamlError:
+        raise
+    except Exception as error:  # `!!timestamp x`, 2020-99-99: the loader lets out whatever the conversion raises
+        raise YamlError(f"a value that is not what its tag says ({type(error).__name__}: {error})") from error
     finally:
         loader.dispose()
 

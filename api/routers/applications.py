@@ -54,8 +54,14 @@ def list_applications(
     return listing.list_applications(ctx.engine, cursor, limit, listing.Filters(state, tag, name, owner))
 
 
-@router.get("/{application_id}")
-def get_application(application_id: str, request: Request, response: Response, ctx: Ctx) -> ApplicationStatus | None:
+@router.get(
+    "/{application_id}",
+    response_model=ApplicationStatus,
+    responses={304: {"description": "unchanged since the ETag in `If-None-Match`"}},
+)
+def get_application(
+    application_id: str, request: Request, response: Response, ctx: Ctx
+) -> Response | ApplicationStatus:
     """An application as it stands; `If-None-Match` saves the body while nothing has changed."""
     status = views.status(ctx.engine, application_id)
     stable = status.model_copy(update={"progress": status.progress.model_copy(update={"eta_s": None})})
@@ -64,7 +70,7 @@ def get_application(application_id: str, request: Request, response: Response, c
     if not ApplicationState(status.state).final:
         headers["Retry-After"] = POLL_AFTER_S
     if request.headers.get("if-none-match") == tag:
-        return Response(status_code=304, headers=headers)  # type: ignore[return-value]
+        return Response(status_code=304, headers=headers)
     response.headers.update(headers)
     return status
 

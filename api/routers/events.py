@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import AsyncIterator
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Header
+from fastapi import APIRouter, Depends, Header, Query
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from starlette.concurrency import run_in_threadpool
 
@@ -16,6 +16,8 @@ from services.jobs.events import events_after
 router = APIRouter(prefix="/v1/applications/{application_id}", tags=["applications"])
 
 POLL_S = 0.3
+MOST = 2**31 - 1
+"""Largest number that the database has for an event."""
 
 
 def _known(application_id: str, ctx: Ctx) -> None:
@@ -25,7 +27,10 @@ def _known(application_id: str, ctx: Ctx) -> None:
 
 @router.get("/events", response_class=EventSourceResponse, dependencies=[Depends(_known)])
 async def follow(
-    application_id: str, ctx: Ctx, after: int = 0, last_event_id: Annotated[int | None, Header()] = None
+    application_id: str,
+    ctx: Ctx,
+    after: Annotated[int, Query(ge=0, le=MOST)] = 0,
+    last_event_id: Annotated[int | None, Header(ge=0, le=MOST)] = None,
 ) -> AsyncIterator[ServerSentEvent]:
     """Events from the first, or after `Last-Event-ID` (or `after`), until the application is final.
 

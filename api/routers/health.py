@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 from fastapi import APIRouter, Response
-from fastapi.responses import JSONResponse
+from fastapi.responses import PlainTextResponse
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
+from pydantic import BaseModel, Field
 from sqlalchemy.exc import SQLAlchemyError
 
 from api.context import Context, Ctx
@@ -25,12 +26,24 @@ def livez() -> dict[str, str]:
     return {"status": "alive"}
 
 
-@router.get("/readyz")
-def readyz(ctx: Ctx) -> JSONResponse:
+class Readiness(BaseModel):
+    """Whether work can be taken, and what waits; the counts are null when the database cannot be asked."""
+
+    status: Literal["ready", "not ready"]
+    database: str = Field(description="`ok`, or what is wrong")
+    broker: str = Field(description="`ok`, or what is wrong")
+    queued_jobs: int | None = None
+    running_jobs: int | None = None
+    oldest_queued_age_s: float | None = None
+
+
+@router.get("/readyz", responses={503: {"model": Readiness, "description": "not ready"}})
+def readyz(response: Response, ctx: Ctx) -> Readiness:
     """Whether work can be taken: database at its newest revision, broker reachable; how long the queue has waited."""
     checks = _checks(ctx)
     ready = checks["database"] == "ok" and checks["broker"] == "ok"
-    return JSONResponse({"status": "ready" if ready else "not ready", **checks}, status_code=200 if ready else 503)
+    response.status_code = 200 if ready else 503
+    return Readiness(status="ready" if ready else "not ready", **checks)
 
 
 def _checks(ctx: Context) -> dict[str, Any]:
@@ -51,7 +64,7 @@ def _checks(ctx: Context) -> dict[str, Any]:
     return checks
 
 
-@router.get("/metrics")
+@router.get("/metrics", response_class=PlainTextResponse)
 def metrics(ctx: Ctx) -> Response:
     """Prometheus: the queue, from the database; requests, of this process."""
     return Response(generate_latest(ctx.registry), media_type=CONTENT_TYPE_LATEST)

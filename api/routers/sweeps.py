@@ -44,7 +44,7 @@ def list_sweeps(
     return sweeps.list_sweeps(ctx.engine, cursor, limit, owner)
 
 
-@router.get("/{sweep_id}", response_model=SweepStatus)
+@router.get("/{sweep_id}", response_model=SweepStatus, responses={200: {"content": {"text/csv": {}}}})
 def get_sweep(sweep_id: str, request: Request, response: Response, ctx: Ctx) -> Response | SweepStatus:
     """State and table of results so far, as JSON, or as CSV with `Accept: text/csv`."""
     found = sweeps.sweep_status(ctx.engine, sweep_id)

@@ -15,7 +15,7 @@ from services.jobs.arrays import POINT, unpack, unpack_law, unpack_motion
 from services.jobs.design_wire import design_mm
 from services.jobs.resolved import ResolvedApplication
 from services.jobs.store import MOTION_STAGES, results_of
-from services.jobs.views import NotFoundError, load, objective_unit
+from services.jobs.views import NotFoundError, load, objective_unit, require_task
 from shared.contracts import results as wire
 from shared.db.engine import reading
 from shared.db.tables import Application, Design, Result
@@ -147,7 +147,7 @@ def log(engine: Engine, application_id: str, task: int, method: str | None) -> w
     with reading(engine) as session:
         application, resolved = load(session, application_id)
         name = method or resolved.method
-        found = _result(session, application, task, name)
+        found = _result(session, application, resolved, task, name)
     if found is None:
         raise NotFoundError(f"task {task} has not been solved with method {name}")
     iterations = [
@@ -166,7 +166,10 @@ def log(engine: Engine, application_id: str, task: int, method: str | None) -> w
     )
 
 
-def _result(session: Session, application: Application, task: int, method: str) -> Result | None:
+def _result(
+    session: Session, application: Application, resolved: ResolvedApplication, task: int, method: str
+) -> Result | None:
+    require_task(resolved, task)
     return session.scalars(
         select(Result).where(
             Result.application_id == application.id,
@@ -183,7 +186,7 @@ def trajectory(engine: Engine, application_id: str, task: int, method: str | Non
     with reading(engine) as session:
         application, resolved = load(session, application_id)
         name = method or resolved.method
-        found = _result(session, application, task, name)
+        found = _result(session, application, resolved, task, name)
     if found is None or found.arrays is None:
         why = "" if found is None or found.summary.get("reason") is None else f": {found.summary['reason']}"
         raise NotFoundError(f"there is no motion of task {task} with method {name}{why}")
@@ -212,7 +215,7 @@ def solver_point(engine: Engine, application_id: str, task: int, method: str | N
     with reading(engine) as session:
         application, resolved = load(session, application_id)
         name = method or resolved.method
-        found = _result(session, application, task, name)
+        found = _result(session, application, resolved, task, name)
     if found is None or found.arrays is None:
         raise NotFoundError(f"there is no motion of task {task} with method {name}")
     arrays, certificate = unpack(found.arrays), found.summary["certificate"]

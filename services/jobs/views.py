@@ -69,7 +69,7 @@ def tasks(engine: Engine, application_id: str, start: int, limit: int) -> wire.T
     """Tasks `start`, `start` + 1, ... with their results so far."""
     with reading(engine) as session:
         application, resolved = load(session, application_id)
-        stop = min(start + limit, len(resolved.tasks))
+        start, stop = (min(end, len(resolved.tasks)) for end in (start, start + limit))
         items = _tasks(session, application, resolved, range(start, stop))
     return wire.TaskList(items=items, next_cursor=str(stop) if stop < len(resolved.tasks) else None)
 
@@ -78,9 +78,19 @@ def task(engine: Engine, application_id: str, index: int) -> wire.TaskResult:
     """One task."""
     with reading(engine) as session:
         application, resolved = load(session, application_id)
-        if not 0 <= index < len(resolved.tasks):
-            raise NotFoundError(f"the application has tasks 0 to {len(resolved.tasks) - 1}, there is no task {index}")
+        require_task(resolved, index)
         return _tasks(session, application, resolved, range(index, index + 1))[0]
+
+
+def require_task(resolved: ResolvedApplication, index: int) -> None:
+    """Check that an application has a task.
+
+    Raises
+    ------
+    NotFoundError
+    """
+    if not 0 <= index < len(resolved.tasks):
+        raise NotFoundError(f"the application has tasks 0 to {len(resolved.tasks) - 1}, there is no task {index}")
 
 
 def _tasks(

@@ -58,14 +58,19 @@ def quoted(value: Any) -> Any:
         return value
     if isinstance(value, float):
         return value if math.isfinite(value) else str(value)
-    text = value if isinstance(value, str) else repr(value)
+    text = printable(value if isinstance(value, str) else repr(value))
     return text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}..."
+
+
+def printable(text: str) -> str:
+    """Text that UTF-8 can carry, whatever a JSON document held."""
+    return text.encode("utf-8", "backslashreplace").decode().replace("\0", "\\0")
 
 
 def field_path(location: Iterable[Any]) -> str:
     """``("tasks", 3, "payload_kg")`` -> ``tasks[3].payload_kg``."""
     path = ""
-    for part in location:
+    for part in (printable(part) if isinstance(part, str) else part for part in location):
         path += f"[{part}]" if isinstance(part, int) else (f".{part}" if path else str(part))
     return path or "body"
 

@@ -1,11 +1,11 @@
-"""What people say about an arm beside its URDF."""
+"""Robots on the wire: what people say about an arm beside its URDF, and the list of those there are."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import BaseModel, Field
 
 from shared.contracts.application import MOST_JOINTS, Name, Strict
 
@@ -40,3 +40,25 @@ class UrdfRobotRequest(Strict):
     coulomb_friction_Nm: PerJoint | None = Field(None, description="joint side; default: the URDF's friction")
     payload_position_m: Vector = Field([0.0, 0.0, 0.0], description="centre of the payload in the tip link's frame")
     gravity_m_s2: Vector = Field([0.0, 0.0, -9.81], description="in the base link's frame")
+
+
+class RobotItem(BaseModel):
+    """A robot in a list."""
+
+    id: str = Field(description="to be named in applications")
+    name: str
+    kind: Literal["preset", "upload"]
+    description: str
+
+
+class RobotList(BaseModel):
+    """Presets by name, then uploads, newest first."""
+
+    items: list[RobotItem]
+    next_cursor: None = None
+
+
+class AcceptedRobot(BaseModel):
+    """Answer to an upload."""
+
+    id: str

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, MutableMapping
 
 import httpx
 import pytest
 import uvicorn
+from fastapi.testclient import TestClient
 from sqlalchemy import Engine
 
 from api.app import create_app
@@ -78,3 +80,31 @@ def test_no_stream_of_an_unknown_application(url: str) -> None:
     answer = httpx.get(f"{url}/v1/applications/nothing/events")
     assert answer.status_code == 404
     assert answer.headers["content-type"] == "application/problem+json"
+
+
+def test_a_listener_who_leaves_is_no_error(engine: Engine, settings: Settings) -> None:
+    """The server says that nobody is there any more (`OSError`, as ASGI has it); the application stays silent."""
+    application_id, _ = submit(engine, settings, application())
+    drain(engine)
+    path = f"/v1/applications/{application_id}/events"
+    scope = {
+        "type": "http", "asgi": {"version": "3.0", "spec_version": "2.4"}, "http_version": "1.1", "method": "GET",
+        "path": path, "raw_path": path.encode(), "query_string": b"", "headers": [], "scheme": "http",
+        "root_path": "", "client": ("127.0.0.1", 1), "server": ("127.0.0.1", 2),
+    }  # fmt: skip
+    app = create_app(settings)
+    with TestClient(app):  # which closes its connections
+        for heard in range(1, 4):
+            bodies = 0
+
+            async def receive() -> dict[str, object]:
+                return {"type": "http.request", "body": b"", "more_body": False}
+
+            async def send(message: MutableMapping[str, object], heard: int = heard) -> None:
+                nonlocal bodies
+                bodies += message["type"] == "http.response.body"
+                if bodies >= heard:
+                    raise OSError("nobody is there")
+
+            asyncio.run(app(dict(scope), receive, send))
+            assert bodies >= heard
