@@ -11,10 +11,11 @@ import pytest
 from fastapi.testclient import TestClient
 
 from api.app import create_app
-from armature.application_file import read_application
+from armature.application_file import read_application, read_sweep
 from shared.db.migrate import upgrade
 from shared.settings import Settings
 from tests.service.requests import HOME, POSE, body, grid
+from tests.service.test_examples import EXAMPLES, SWEEPS
 
 MOVE = {"start_rad": POSE, "end_rad": HOME}
 
@@ -151,6 +152,9 @@ def test_a_robot_that_is_no_arm(client: TestClient) -> None:
 
 
 def test_examples_are_accepted(client: TestClient) -> None:
-    for path in sorted((Path(__file__).parents[2] / "examples").glob("*.yaml")):
+    for path in EXAMPLES:
         answer = client.post("/v1/applications", json=read_application(path))
+        assert answer.status_code == 202, f"{path.name}: {answer.text}"
+    for path in SWEEPS:
+        answer = client.post("/v1/sweeps", json=read_sweep(path))
         assert answer.status_code == 202, f"{path.name}: {answer.text}"

@@ -112,7 +112,7 @@ REFUSED = {
         "gear_ratio",
         "at most 20",
     ),
-    "unprintable name": (preset_wire("ur5") | {"name": "a\0b"}, "name", "printed"),
+    "unprintable name": (preset_wire("ur5") | {"name": "a\7b"}, "name", "printed"),
     "endless name": (preset_wire("ur5") | {"name": "a" * 300}, "name", "200"),
     "number beyond floats": (preset_wire("ur5") | {"link_mass_kg": [10**400] * 6}, "link_mass_kg", "numbers"),
     "number beyond arms": (preset_wire("ur5") | {"link_mass_kg": [1e300] * 6}, "link_mass_kg", "1e+09"),
