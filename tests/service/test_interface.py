@@ -37,6 +37,7 @@ from tests.service.queue_actions import LONG_LEASE_S, outcome_of, queued, state_
 from tests.service.requests import body
 
 TIMEOUT_S = 20.0
+LONGEST_RUN_S = 270.0
 
 ALWAYS = """
 color = false
@@ -98,7 +99,10 @@ def ask_anything(settings: Settings, engine: Engine, folder: Path, how: str) -> 
     configuration.write_text(ALWAYS + how)
     with served(settings) as url, worked_on(engine):
         command = ["schemathesis.cli", "--config-file", str(configuration), "run", f"{url}/v1/openapi.json"]
-        run = subprocess.run([sys.executable, "-m", *command], capture_output=True, text=True, cwd=folder, check=False)
+        run = subprocess.run(
+            [sys.executable, "-m", *command],
+            capture_output=True, text=True, cwd=folder, check=False, timeout=LONGEST_RUN_S,
+        )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr
     return run.stdout
 
