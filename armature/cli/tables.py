@@ -22,6 +22,7 @@ from shared.contracts.results import (
 )
 
 OWN = "own"
+MOST_LIMITS = 10
 ALIKE = 0.01
 """Difference to a reference total above which it is explained."""
 
@@ -169,6 +170,32 @@ def print_comparison(console: Console, comparison: ComparisonAnswer, reference: 
     for title, heat_map in heat_maps(comparison):
         console.print()
         print_table(console, title, heat_map)
+    _print_limits(console, comparison)
+
+
+def _print_limits(console: Console, comparison: ComparisonAnswer) -> None:
+    """What binds with the application's own design, and with motors of each task's own."""
+    chosen = next((name for name in comparison.methods if name != OWN), OWN)
+    for name in dict.fromkeys([chosen, OWN]):
+        costs = comparison.limits.get(name, [])[:MOST_LIMITS]
+        if not costs:
+            continue
+        unit = f"{comparison.unit} " if comparison.unit != "1" else ""
+        table = new_table("limit", "value", "", "relax", "binds in", f"gain, {unit}per", "", "for 1 %", left=1)
+        for cost in costs:
+            tasks = f"{len(cost.tasks)} of {len(comparison.tasks_compared)}" if cost.tasks else "the design"
+            table.add_row(
+                cost.name,
+                "differs" if cost.value is None else f"{cost.value:.4g}",
+                cost.unit,
+                cost.relax,
+                tasks,
+                f"{cost.gain_per_unit:.3g}",
+                cost.unit,
+                f"{cost.gain_per_percent:.3g}",
+            )
+        console.print()
+        print_table(console, f"Limits that hold it back, and what a little more of each would bring ({name})", table)
 
 
 def _totals(comparison: ComparisonAnswer, reference: Reference | None) -> Table:

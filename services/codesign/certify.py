@@ -13,6 +13,7 @@ import numpy as np
 
 from services.codesign.measures import Load, load_between_points
 from services.codesign.motion import Motion
+from services.codesign.pieces import Samples
 from services.codesign.problem import Accuracy, Problem
 from services.codesign.replay import Energies, Replay, ReplayError, replay
 from services.codesign.solution import Solution
@@ -20,6 +21,9 @@ from services.codesign.voltage_law import VoltageLaw, voltage_law
 
 LIMITS = ("joint_range", "rotor_speed", "current", "voltage")
 """Path limits (3a), (3b), (5a)-(5c), by kind."""
+
+Excess = dict[str, np.ndarray]
+"""Over each kind of limit, as a share of it, at every place and joint; below 0 where it is kept."""
 
 BALANCE_TOLERANCE = 1e-6
 """Part of the energy turned over by which a balance may stay open: the integrator's errors come to 1e-7."""
@@ -33,7 +37,7 @@ class LimitCheck:
     """How far one kind of limit is exceeded, as a share of the limit (of the range for joints); 0 when it is kept."""
 
     at_points: float  # by the motion, at its grid points
-    between_points: float  # by the replay, at `replay.SAMPLES` places of every interval
+    between_points: float  # by the replay, everywhere (`pieces.Pieces.fine`)
 
 
 @dataclass(frozen=True)
@@ -115,6 +119,7 @@ def certify(solution: Solution) -> Certificate:
         found = replay(problem, design, motion, law)
     except ReplayError:
         found = None
+    excess = None if found is None else _excess(problem, found.pieces.fine)
     end = _end_errors(problem, found)
     path = _path_errors(problem, motion, found)
     return Certificate(
@@ -122,15 +127,15 @@ def certify(solution: Solution) -> Certificate:
         replay_speed=end[1],
         path_position=path[0],
         path_speed=path[1],
-        limits=_limit_checks(problem, motion, found),
+        limits=_limit_checks(problem, motion, excess),
         electrical_balance=None if found is None else _electrical_balance(found.energies),
         mechanical_balance=None if found is None else _mechanical_balance(found.energies),
         energies=None if found is None else found.energies,
-        load=None if found is None else load_between_points(problem, design, found),
+        load=None if found is None else load_between_points(problem, design, found.pieces),
         kkt_residual=solution.kkt_residual,
         constraint_violation=solution.constraint_violation,
         law=law,
-        growth=None if found is None else _growth(problem, motion, found),
+        growth=None if found is None or excess is None else _growth(problem, motion, found, excess),
     )
 
 
@@ -153,13 +158,13 @@ def _path_errors(problem: Problem, motion: Motion, found: Replay | None) -> tupl
     return _largest(position - motion.position[1:]), _largest(speed - motion.speed[1:])
 
 
-def _limit_checks(problem: Problem, motion: Motion, found: Replay | None) -> dict[str, LimitCheck]:
-    at_points = _exceeded(problem, motion)
-    between = dict.fromkeys(LIMITS, math.inf) if found is None else _exceeded(problem, found)
+def _limit_checks(problem: Problem, motion: Motion, excess: Excess | None) -> dict[str, LimitCheck]:
+    at_points = _largest_excess(_excess(problem, motion))
+    between = dict.fromkeys(LIMITS, math.inf) if excess is None else _largest_excess(excess)
     return {kind: LimitCheck(at_points[kind], between[kind]) for kind in LIMITS}
 
 
-def _growth(problem: Problem, motion: Motion, found: Replay) -> Growth:
+def _growth(problem: Problem, motion: Motion, found: Replay, excess: Excess) -> Growth:
     ends = slice(problem.layout.stops, None, problem.layout.stops)
 
     def over_interval(replayed: np.ndarray, planned: np.ndarray) -> np.ndarray:
@@ -167,21 +172,21 @@ def _growth(problem: Problem, motion: Motion, found: Replay) -> Growth:
         change: np.ndarray = np.abs(np.diff(difference, axis=0, prepend=0)).max(axis=1)
         return change
 
-    excess = np.stack([share.max(axis=(1, 2)) for share in _excess(problem, found).values()])
+    of_pieces = np.max([share.max(axis=(1, 2)) for share in excess.values()], axis=0)
+    starts = np.searchsorted(found.pieces.interval, np.arange(problem.transcription.intervals))
     return Growth(
         position=over_interval(found.position, motion.position),
         speed=over_interval(found.speed, motion.speed),
-        excess=np.maximum(excess.max(axis=0), 0.0),
+        excess=np.maximum(np.maximum.reduceat(of_pieces, starts), 0.0),
     )
 
 
-def _exceeded(problem: Problem, x: Motion | Replay) -> dict[str, float]:
-    """Largest excess over each kind of limit, as a share of it; 0 when it is kept."""
-    return {kind: max(float(share.max()), 0.0) for kind, share in _excess(problem, x).items()}
+def _largest_excess(excess: Excess) -> dict[str, float]:
+    """0 where a kind of limit is kept."""
+    return {kind: max(float(share.max()), 0.0) for kind, share in excess.items()}
 
 
-def _excess(problem: Problem, x: Motion | Replay) -> dict[str, np.ndarray]:
-    """Excess over each kind of limit at every place and joint, as a share of it; below 0 where it is kept."""
+def _excess(problem: Problem, x: Motion | Samples) -> Excess:
     robot, motor = problem.robot, problem.motor
     outside = np.maximum(robot.joint_lower - x.position, x.position - robot.joint_upper)
     return {

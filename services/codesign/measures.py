@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import simpson
 
 from services.codesign.motion import Motion, motors_of_design
 from services.codesign.motor import motor_torque
+from services.codesign.pieces import Pieces, Samples
 from services.codesign.problem import Problem
-from services.codesign.replay import Replay
 
 
 @dataclass(frozen=True)
@@ -52,25 +51,20 @@ def measure(problem: Problem, design: np.ndarray, motion: Motion) -> Measures:
     )
 
 
-def load_between_points(problem: Problem, design: np.ndarray, found: Replay) -> Load:
-    """What the motors really go through: over the replay's samples, both ends of every interval included.
+def load_between_points(problem: Problem, design: np.ndarray, pieces: Pieces) -> Load:
+    """What the motors really go through, over the whole replay.
 
     Voltages jump and currents swing between the grid points; the grid alone does not see it.
     """
-    shares = _shares(problem, design, found)
-    duration = found.time[-1, -1] - found.time[0, 0]
-
-    def mean_square(share: np.ndarray) -> np.ndarray:
-        total: np.ndarray = simpson(share**2, x=found.time[:, :, None], axis=1).sum(axis=0)
-        return np.asarray(total / duration)
-
+    at_nodes, everywhere = _shares(problem, design, pieces.nodes), _shares(problem, design, pieces.fine)
+    duration = pieces.width.sum()
     return Load(
-        peaks={name: np.abs(share).max(axis=(0, 1)) for name, share in shares.items()},
-        rms={name: np.sqrt(mean_square(share)) for name, share in shares.items()},
+        peaks={name: np.abs(share).max(axis=(0, 1)) for name, share in everywhere.items()},
+        rms={name: np.sqrt(pieces.integral(share**2) / duration) for name, share in at_nodes.items()},
     )
 
 
-def _shares(problem: Problem, design: np.ndarray, x: Motion | Replay) -> dict[str, np.ndarray]:
+def _shares(problem: Problem, design: np.ndarray, x: Motion | Samples) -> dict[str, np.ndarray]:
     """Every quantity as a share of its limit; the last axis is the joints."""
     motor, limits = motors_of_design(design, problem), problem.motor
     # Z times torque over Z times its limit: the gear drops out.

@@ -1,9 +1,10 @@
 """Replay: a motion's voltages through an accurate integrator that knows nothing of the transcription.
 
 The arm by the corrected Algorithm 1, the currents by eq. (1) as they stand, and beside them the energies as
-quadratures  (MODEL section 5). Steps start afresh at every interval, where the voltages jump or have a kink. They are
-explicit, of order 8, where that is cheap, which is nearly always: an interval lasts some time constants of a winding.
-A stiff interval goes to CVODES (backward differentiation of variable order and step, implicit).
+quadratures  (MODEL section 5); energy that flows back has kinks and is integrated afterwards (`pieces`). Steps start
+afresh at every interval, where the voltages jump or have a kink. They are explicit, of order 8, where that is cheap,
+which is nearly always: an interval lasts some time constants of a winding. A stiff interval goes to CVODES (backward
+differentiation of variable order and step, implicit).
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from services.codesign.friction import friction_torque
 from services.codesign.kernels import build_library, default_cache, library_key
 from services.codesign.motion import Motion, motors_of_design
 from services.codesign.motor import MotorParameters, motor_torque, steady_voltages
+from services.codesign.pieces import SHARES, Pieces, Samples, graded
 from services.codesign.problem import Problem
 from services.codesign.robot import Robot
 from services.codesign.runge_kutta import FIRST_STEP, Stepper, step_function
@@ -38,7 +40,13 @@ ENERGY_TOLERANCE = 1e-8
 """Absolute (J, V2 s) and relative, of the quadratures of a step."""
 
 SAMPLES = 20
-"""Equal parts of each interval at whose ends the replay is looked at, besides the motion's own points."""
+"""Equal parts of each interval at whose ends the path is given, besides the motion's own points."""
+
+STIFF_PIECES = 60
+"""Into which an interval is cut that was crossed implicitly."""
+
+QUADRATURES = 5
+"""Electrical energy, copper loss, shaft's work, effort, friction's work."""
 
 COEFFICIENTS = max(DEGREES) + 2
 """Of the voltage polynomial that the compiled plant takes; laws of lower degree are filled with zeros."""
@@ -78,7 +86,7 @@ class Energies:
 
 @dataclass(frozen=True)
 class Replay:
-    """States and voltages at `share` of each interval's length, arrays (N, m, n) in SI; share is 0 first, 1 last."""
+    """States at `share` of each interval's length, arrays (N, m, n) in SI; share is 0 first, 1 last."""
 
     share: np.ndarray  # (m,)
     time: np.ndarray  # (N, m) s
@@ -86,8 +94,7 @@ class Replay:
     speed: np.ndarray
     current_d: np.ndarray
     current_q: np.ndarray
-    voltage_d: np.ndarray
-    voltage_q: np.ndarray
+    pieces: Pieces  # states and voltages everywhere
     energies: Energies
 
 
@@ -108,7 +115,8 @@ def replay(problem: Problem, design: np.ndarray, motion: Motion, law: VoltageLaw
     coefficients[:, : law.voltage_q.shape[1], n:] = law.voltage_q
     widths = np.diff(law.breaks)
 
-    states, quadratures = np.empty((N, len(share), 4 * n)), np.zeros(5 + n)
+    states, quadratures = np.empty((N, len(share), 4 * n)), np.zeros(QUADRATURES)
+    pieces = []
     state = np.concatenate([motion.position[0], motion.speed[0], motion.current_d[0], motion.current_q[0]])
     step = FIRST_STEP
     for w in range(N):
@@ -116,16 +124,18 @@ def replay(problem: Problem, design: np.ndarray, motion: Motion, law: VoltageLaw
         steps = plant.stepper.cross(state, quadratures, parameters, step)
         if steps is not None:
             states[w], state, quadratures, step = steps.at(share), steps.end, steps.totals, steps.next_step
+            pieces.append((steps.ends, steps.within(SHARES)))
             continue
         try:
-            states[w], change = cross_implicitly(plant, state, parameters, share)
+            states[w], piece, change = _cross_implicitly(plant, state, parameters, share)
         except RuntimeError as error:
             raise ReplayError(f"the integrator stopped in interval {w + 1} of {N}") from error
         state, quadratures = states[w, -1], quadratures + change
-    voltage_d, voltage_q = law.at(share)
+        pieces.append(piece)
     position, speed, current_d, current_q = np.split(states, 4, axis=2)
     change = _state_energies(plant, given, problem, design, state)
     change = change - _state_energies(plant, given, problem, design, states[0, 0])
+    everywhere = _pieces(law, pieces)
     return Replay(
         share=share,
         time=law.breaks[:-1, None] + widths[:, None] * share,
@@ -133,8 +143,7 @@ def replay(problem: Problem, design: np.ndarray, motion: Motion, law: VoltageLaw
         speed=speed,
         current_d=current_d,
         current_q=current_q,
-        voltage_d=voltage_d,
-        voltage_q=voltage_q,
+        pieces=everywhere,
         energies=Energies(
             electrical=float(quadratures[0]),
             copper=float(quadratures[1]),
@@ -142,10 +151,27 @@ def replay(problem: Problem, design: np.ndarray, motion: Motion, law: VoltageLaw
             shaft=float(quadratures[2]),
             mechanical_change=float(change[1]),
             friction=float(quadratures[4]),
-            recovered=quadratures[5:],
+            recovered=everywhere.integral_below_zero(electrical_power(everywhere.nodes)),
             effort=float(quadratures[3]),
         ),
     )
+
+
+def electrical_power(x: Samples) -> np.ndarray:
+    """What each motor draws, 3/2 (u_d i_d + u_q i_q) [W]."""
+    power: np.ndarray = 1.5 * (x.voltage_d * x.current_d + x.voltage_q * x.current_q)
+    return power
+
+
+def _pieces(law: VoltageLaw, found: list[tuple[np.ndarray, np.ndarray]]) -> Pieces:
+    """From each interval's ends of pieces (k + 1,) and states within them (k, `NODES`, 4n)."""
+    interval = np.repeat(np.arange(law.intervals), [len(ends) - 1 for ends, _ in found])
+    starts = np.concatenate([ends[:-1] for ends, _ in found])
+    shares = np.concatenate([np.diff(ends) for ends, _ in found])
+    position, speed, current_d, current_q = np.split(np.concatenate([states for _, states in found]), 4, axis=2)
+    voltage_d, voltage_q = law.within(interval, starts[:, None] + shares[:, None] * SHARES)
+    nodes = Samples(position, speed, current_d, current_q, voltage_d, voltage_q)
+    return Pieces(interval, shares * np.diff(law.breaks)[interval], nodes)
 
 
 def _shares(points: np.ndarray) -> np.ndarray:
@@ -232,9 +258,7 @@ def _functions(robot: Robot) -> dict[str, ca.Function]:
     power = 1.5 * (u_d * i_d + u_q * i_q)
     copper = 1.5 * motor.phase_resistance * (i_d**2 + i_q**2)
     friction = ca.densify(ca.dot(friction_torque(arm, qd), qd))
-    quadratures = width * ca.vertcat(
-        ca.sum1(power), ca.sum1(copper), ca.dot(torque, omega), ca.dot(u, u), friction, ca.fmax(-power, 0)
-    )
+    quadratures = width * ca.vertcat(ca.sum1(power), ca.sum1(copper), ca.dot(torque, omega), ca.dot(u, u), friction)
     energy = kinetic_energy(arm, q, qd) + potential_energy(arm, q)
     slopes = ca.Function("slopes", [share, x, p], [rates, quadratures], {"cse": True})
     return {
@@ -259,6 +283,18 @@ def _jacobian(
     ]
     results = [ca.SX.sym(f"result_{k}", output.shape[0]) for k, output in enumerate((rates, quadratures))]
     return ca.Function("jac_slopes", [share, x, p, *results], blocks, {"cse": True})
+
+
+def _cross_implicitly(
+    plant: Plant, state: np.ndarray, parameters: np.ndarray, share: np.ndarray
+) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], np.ndarray]:
+    """States at shares, pieces, and the change of the quadratures."""
+    ends = graded(STIFF_PIECES)
+    inside = ends[:-1, None] + np.diff(ends)[:, None] * SHARES
+    together, place = np.unique(np.round(np.concatenate([share, inside.ravel()]), 12), return_inverse=True)
+    found, change = cross_implicitly(plant, state, parameters, together)
+    states = found[place]
+    return states[: len(share)], (ends, states[len(share) :].reshape(*inside.shape, -1)), change
 
 
 def cross_implicitly(

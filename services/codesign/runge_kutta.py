@@ -101,16 +101,29 @@ class Steps:
     totals: np.ndarray  # (quadratures,) at the end
     next_step: float  # that would do after it
 
+    @property
+    def ends(self) -> np.ndarray:
+        """Shares where steps begin, and 1, (k + 1,)."""
+        return np.append(self.starts, 1.0)
+
     def at(self, share: np.ndarray) -> np.ndarray:
         """States at shares of the interval, (m,) -> (m, states)."""
         step = np.searchsorted(self.starts, share, side="right") - 1
-        s = ((share - self.starts[step]) / np.diff(self.starts, append=1.0)[step])[:, None]
-        coefficients = self.polynomials[step]
-        value = np.zeros((len(share), self.origins.shape[1]))
-        for k in reversed(range(DENSE)):
-            value = (value + coefficients[:, k]) * (s if k % 2 == 0 else 1 - s)
-        states: np.ndarray = value + self.origins[step]
+        s = (share - self.starts[step]) / np.diff(self.ends)[step]
+        states: np.ndarray = np.einsum("mk,mkx->mx", dense_basis(s), self.polynomials[step]) + self.origins[step]
         return states
+
+    def within(self, share: np.ndarray) -> np.ndarray:
+        """States at shares of every step, (m,) -> (k, m, states)."""
+        states: np.ndarray = dense_basis(share) @ self.polynomials + self.origins[:, None, :]
+        return states
+
+
+def dense_basis(share: np.ndarray) -> np.ndarray:
+    """Polynomials of a step that the coefficients of its dense output belong to: s, s (1 - s), s^2 (1 - s), ..."""
+    factors = np.where(np.arange(DENSE) % 2 == 0, share[:, None], 1 - share[:, None])
+    basis: np.ndarray = np.cumprod(factors, axis=1)
+    return basis
 
 
 class Stepper:

@@ -6,13 +6,14 @@ eliminated motion by motion it costs about as much as the two-step process itsel
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from services.codesign.guess import Guess, motion_guess
 from services.codesign.instance import build_instance, objective_scale, scales_of
+from services.codesign.limits import LimitSlope, binding, design_slopes
 from services.codesign.motion import Motion
 from services.codesign.optimality import Optimality, optimality
 from services.codesign.problem import Problem
@@ -48,6 +49,7 @@ class SharedOptimum:
     optimality: Optimality  # residuals of the joint program
     convergence: tuple[tuple[int, float], ...]  # (iteration, objective)
     deciding: tuple[float, ...] = ()  # how much each task decides about the worst one's objective, sum 1; () without
+    design_limits: Mapping[str, LimitSlope] = field(default_factory=dict)  # that hold the design back, by name
 
 
 def solve_shared(
@@ -90,6 +92,8 @@ def solve_shared(
     worst = max(float(task.nlp(x, part.parameters)[0]) for x, part in zip(guess, parts, strict=True))
     outcome = run(program, instance, Guess(program.join(guess, worst)), options, progress=watched)
     scaled = outcome.x[: task.design_size].reshape(start.design.shape)
+    lam_motors = outcome.lam_g[program.constraints_of(0)[task.intervals * task.interval_constraints :]]
+    design_limits = design_slopes(problems[0].motor, outcome.lam_x[: task.design_size] / unit, lam_motors / unit)
     return SharedOptimum(
         success=outcome.success,
         status=outcome.status,
@@ -100,6 +104,7 @@ def solve_shared(
         optimality=optimality(program, instance, outcome.x, outcome.lam_x, outcome.lam_g),
         convergence=tuple(convergence),
         deciding=_deciding(outcome.lam_g[program.worst_rows]),
+        design_limits=binding(design_limits, outcome.objective / unit),
     )
 
 

@@ -6,9 +6,10 @@
  * the stage's own unknowns, hand on the rest (Duff & Reid 1983, the multifrontal method, on a chain).
  *
  * In a front come first the pairs: a variable and the one sparse constraint that fixes it (a voltage and its motor
- * equation, a slack and its inequality). Their 2x2 pivots [S g; g c] with c = 0 cost a few scalar operations. Then the
- * candidates, eliminated with threshold pivoting in 1x1 and 2x2 steps (Duff & Reid 1996, section 2); a candidate
- * without an acceptable pivot is delayed to the next stage. Last the boundary, which belongs to later stages.
+ * equation, a slack and its inequality). Their 2x2 pivots [S g; g c] with c = 0 touch few rows, which are known from
+ * the pattern. Then the candidates, eliminated with threshold pivoting in 1x1 and 2x2 steps (Duff & Reid 1996,
+ * section 2); a candidate without an acceptable pivot is delayed to the next stage. Last the boundary, which belongs
+ * to later stages.
  *
  * Stages come in chains. What the stages of a chain leave behind, the last of them hands to the trunk, the last chain;
  * so all chains but the trunk are eliminated side by side, by several threads (the motions of the program of all tasks,
@@ -20,19 +21,23 @@
  * over beforehand with `staged_ldl_order` (elimination.py).
  *
  * "Index" is an unknown as the caller counts, "position" its place in the order of elimination, "slot" its place in
- * a front. Fronts are stored by columns, lower triangle only.
- */
+ * a front. All fronts have the same number of slots, the pairs at their beginning and the boundary at their end:
+ *
+ *     pairs | room | delayed candidates, candidates | boundary
+ *                   `dense`                          `limit`  `size`
+ *
+ * They are stored by columns, lower triangle only. Loops run in whole vectors beyond the last slot, where every
+ * column keeps zeros. */
 
-#include <float.h>
 #include <math.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define LANES 8       /* doubles in a vector; wider than the machine's is split by the compiler */
+#define LANES 8 /* doubles in a vector; wider than the machine's is split by the compiler */
 #define TILE_COLUMNS 4
-#define TILE_ROWS (3 * LANES)
+#define TILE_VECTORS 3
 
 typedef double vector __attribute__((vector_size(8 * LANES), aligned(8)));
 
@@ -126,16 +131,32 @@ static void for_each(int items, int threads, void (*work)(void *, int, int), voi
 typedef struct {
   int n, nz, stages, chains;
   const int *order, *first, *pairs, *chain; /* as handed over */
-  int *position;       /* (n) of each index */
+  int size, stride;    /* slots of a front, distance of its columns */
   int *first_entry;    /* (stages + 1) */
-  int *entry;          /* (nz) entries by stage */
-  int *row, *column;   /* (nz) their positions, row >= column */
+  int *entry;       /* (nz) entries by stage */
+  int *target;      /* (nz) where each goes in its front */
   int *first_boundary; /* (stages + 1) */
-  int *boundary;       /* positions of later stages that a stage's front holds, ascending */
+  int *first_list;     /* (stages) where each stage's lists begin */
+  int *boundary;       /* positions of later stages that a stage's front holds, ascending; behind them the slots of all
+                          these in the front of the stage that they are handed to */
+  int *lists;          /* of each pair, see `list_of_pair` */
 } Plan;
 
+/* A pair's list: how many rows its two columns reach, in how many of these the constraint's column may have a nonzero;
+ * the slots of the rows, ascending; which of them are the constraint's. */
+enum { ROWS_OF_BOTH, ROWS_OF_CONSTRAINT, LIST_HEADER };
+
+static int length_of_list(const int *list) { return LIST_HEADER + list[ROWS_OF_BOTH] + list[ROWS_OF_CONSTRAINT]; }
+
+/* Integers of a plan but for boundaries and lists. */
 static int plan_integers(const Plan *plan) {
-  return handed_size(plan->n, plan->stages, plan->chains) + plan->n + 3 * plan->nz + 2 * (plan->stages + 1);
+  return handed_size(plan->n, plan->stages, plan->chains) + 2 * plan->nz + 3 * plan->stages + 2;
+}
+
+static int boundary_of(const Plan *plan, int s) { return plan->first_boundary[s + 1] - plan->first_boundary[s]; }
+
+static int candidates_of(const Plan *plan, int s) {
+  return plan->first[s + 1] - plan->first[s] - 2 * plan->pairs[s];
 }
 
 static int ascending(const void *a, const void *b) { return *(const int *)a - *(const int *)b; }
@@ -143,22 +164,31 @@ static int ascending(const void *a, const void *b) { return *(const int *)a - *(
 /* A plan that knows the order alone, which lies in `handed_over` as `staged_ldl_order` lays it out. */
 static Plan bare_plan(int n, int nz, int stages, int chains, const int *handed_over) {
   const int *first = handed_over + n, *pairs = first + stages + 1;
-  return (Plan){n, nz, stages, chains, handed_over, first, pairs, pairs + stages, 0, 0, 0, 0, 0, 0, 0};
+  return (Plan){.n = n, .nz = nz, .stages = stages, .chains = chains,
+                .order = handed_over, .first = first, .pairs = pairs, .chain = pairs + stages};
 }
 
-/* Set the plan's arrays out in `room`; the order comes first and the boundaries last. */
+/* Set the plan's arrays out in `room`; the order comes first, boundaries and lists last. */
 static void lay_out(Plan *plan, int *room) {
-  const int n = plan->n, nz = plan->nz, stages = plan->stages;
-  *plan = bare_plan(n, nz, stages, plan->chains, room);
-  room += handed_size(n, stages, plan->chains);
-  plan->position = room, room += n;
+  const int nz = plan->nz, stages = plan->stages;
+  *plan = bare_plan(plan->n, nz, stages, plan->chains, room);
+  room += handed_size(plan->n, stages, plan->chains);
   plan->first_entry = room, room += stages + 1;
   plan->first_boundary = room, room += stages + 1;
+  plan->first_list = room, room += stages;
   plan->entry = room, room += nz;
-  plan->row = room, room += nz;
-  plan->column = room, room += nz;
+  plan->target = room, room += nz;
   plan->boundary = room;
 }
+
+static int padded(int rows) { return (rows + LANES - 1) / LANES * LANES; }
+
+/* Columns of a front, and of a panel, are this far apart: zeros follow, in which whole vectors may end. */
+static int column_stride(int rows) { return padded(rows) + TILE_VECTORS * LANES; }
+
+static int panel_stride(int rows) { return padded(rows) + LANES; }
+
+enum { TOO_SMALL = -1, NO_MEMORY = -2 };
 
 static int chain_end(const Plan *plan, int chain) {
   return chain + 1 < plan->chains ? plan->chain[chain + 1] : plan->stages;
@@ -169,82 +199,171 @@ static int trunk_stage(const Plan *plan) { return plan->chain[plan->chains - 1];
 /* Position at which the trunk's unknowns begin. */
 static int trunk_position(const Plan *plan) { return plan->first[trunk_stage(plan)]; }
 
-/* Boundaries as they are found: `seen` says for each position which stage's has it. */
+/* The stages that hand their boundaries to stage s, which lies in this chain: from the first chain on, the last stages
+ * of chains, or the stage before. */
+static int givers(const Plan *plan, int s, int chain) {
+  return s > plan->chain[chain] ? 1 : chain == plan->chains - 1 ? chain : 0;
+}
+
+static int giver(const Plan *plan, int s, int chain, int k) {
+  return s > plan->chain[chain] ? s - 1 : chain_end(plan, k) - 1;
+}
+
+/* What making a plan needs on the way. */
 typedef struct {
-  int total, space, *seen;
-} Found;
+  int *position; /* (n) of each index */
+  int *stage_of; /* (n) by position */
+  int *slot;     /* (n) by position, in the front of one stage */
+} Scratch;
 
-static void add_to_boundary(Plan *plan, Found *found, int stage, int position) {
-  if (position < plan->first[stage + 1] || found->seen[position] == stage) return;
-  found->seen[position] = stage;
-  if (found->total < found->space) plan->boundary[found->total] = position;
-  found->total++;
+/* Sort the entries by the stage that eliminates the earlier of their two positions. */
+static void sort_entries(Plan *plan, const int *irn, const int *icn, const Scratch *scratch) {
+  int *count = plan->first_entry;
+  memset(count, 0, sizeof(int) * (size_t)(plan->stages + 1));
+  for (int sort = 0; sort < 2; sort++) {
+    for (int e = 0; e < plan->nz; e++) {
+      const int p = scratch->position[irn[e] - 1], q = scratch->position[icn[e] - 1];
+      const int s = scratch->stage_of[p < q ? p : q];
+      if (sort)
+        plan->entry[count[s]++] = e;
+      else
+        count[s + 1]++;
+    }
+    if (sort)
+      for (int s = plan->stages; s > 0; s--) count[s] = count[s - 1];
+    else
+      for (int s = 0; s < plan->stages; s++) count[s + 1] += count[s];
+  }
+  count[0] = 0;
 }
 
-static void inherit_boundary(Plan *plan, Found *found, int stage, int from) {
-  for (int k = plan->first_boundary[from]; k < plan->first_boundary[from + 1] && k < found->space; k++)
-    add_to_boundary(plan, found, stage, plan->boundary[k]);
+/* Find the boundaries: a front reaches as far as its entries do, and as the front before it did. Returns their total
+ * length, or TOO_SMALL. */
+static int find_boundaries(Plan *plan, const int *irn, const int *icn, int space, const Scratch *scratch) {
+  int total = 0, chain = 0, *seen = scratch->slot;
+  for (int p = 0; p < plan->n; p++) seen[p] = -1;
+  plan->first_boundary[0] = 0;
+  for (int s = 0; s < plan->stages; s++) {
+    const int begin = total, next = plan->first[s + 1];
+    while (s == chain_end(plan, chain)) chain++;
+    if (total + plan->n - next > space) return TOO_SMALL;
+#define REACH(p) \
+  if ((p) >= next && seen[p] != s) seen[p] = s, plan->boundary[total++] = (p)
+    for (int t = plan->first_entry[s]; t < plan->first_entry[s + 1]; t++) {
+      const int p = scratch->position[irn[plan->entry[t]] - 1], q = scratch->position[icn[plan->entry[t]] - 1];
+      REACH(p > q ? p : q);
+    }
+    for (int g = 0; g < givers(plan, s, chain); g++) {
+      const int from = giver(plan, s, chain, g);
+      for (int k = plan->first_boundary[from]; k < plan->first_boundary[from + 1]; k++) REACH(plan->boundary[k]);
+    }
+    qsort(plan->boundary + begin, (size_t)(total - begin), sizeof(int), ascending);
+    plan->first_boundary[s + 1] = total;
+  }
+  return total;
 }
 
-/* Complete a bare plan in `room`, which has `room_size` integers; returns the total length of the boundaries, all of
- * which are there only if they fit. The order is copied, `scratch` has room for 2n. */
-static int make_plan(Plan *plan, const int *irn, const int *icn, int *room, int room_size, int *scratch) {
-  const int n = plan->n, nz = plan->nz, stages = plan->stages;
-  const int space = room_size - plan_integers(plan);
+/* Make the lists of a stage's pairs from the places where their columns may have nonzeros, `marks`, a row of `size`
+ * for each column: what a pair with c = 0 fills is what its constraint's rows share with all its rows. Returns the
+ * length of the lists, or TOO_SMALL. */
+static int list_pairs(int pairs, int size, unsigned char *marks, int *lists, int space) {
+  int length = 0;
+  for (int k = 0; k < 2 * pairs; k += 2) {
+    const unsigned char *b = marks + (size_t)k * (size_t)size, *a = b + size;
+    int *list = lists + length, *rows = list + LIST_HEADER, count = 0, short_count = 0;
+    for (int i = k + 2; i < size; i++) count += a[i] || b[i];
+    if (length + LIST_HEADER + 2 * count > space) return TOO_SMALL;
+    count = 0;
+    for (int i = k + 2; i < size; i++)
+      if (a[i] || b[i]) rows[count++] = i;
+    for (int t = 0; t < count; t++)
+      if (a[rows[t]]) rows[count + short_count++] = t;
+    list[ROWS_OF_BOTH] = count, list[ROWS_OF_CONSTRAINT] = short_count;
+    length += length_of_list(list);
+    for (int t = 0; t < short_count; t++)
+      for (int u = 0; u < count; u++) {
+        const int i = rows[rows[count + t]], j = rows[u], low = i < j ? i : j, high = i < j ? j : i;
+        if (low < 2 * pairs) marks[(size_t)low * (size_t)size + (size_t)high] = 1;
+      }
+  }
+  return length;
+}
+
+/* Give the entries their targets and list the rows of the pairs. Returns the length of the lists, or a failure. */
+static int find_targets(Plan *plan, const int *irn, const int *icn, int space, const Scratch *scratch) {
+  const int boundaries = plan->first_boundary[plan->stages], size = plan->size;
+  int *slot = scratch->slot, *handed_to = plan->boundary + boundaries, most = 1, length = 0, chain = 0;
+  for (int s = 0; s < plan->stages; s++) most = plan->pairs[s] > most ? plan->pairs[s] : most;
+  unsigned char *marks = malloc(2 * (size_t)most * (size_t)size);
+  if (!marks) return NO_MEMORY;
+  for (int s = 0; s < plan->stages && length >= 0; s++) {
+    const int paired = 2 * plan->pairs[s], limit = size - boundary_of(plan, s);
+    while (s == chain_end(plan, chain)) chain++;
+    memset(marks, 0, (size_t)paired * (size_t)size);
+    for (int p = plan->first[s], i = 0; p < plan->first[s + 1]; p++, i++)
+      slot[p] = i < paired ? i : limit - candidates_of(plan, s) + i - paired;
+    for (int k = plan->first_boundary[s], i = limit; i < size; k++, i++) slot[plan->boundary[k]] = i;
+#define MARK(low, high) \
+  if ((low) < paired) marks[(size_t)(low) * (size_t)size + (size_t)(high)] = 1
+    for (int t = plan->first_entry[s]; t < plan->first_entry[s + 1]; t++) {
+      const int p = scratch->position[irn[plan->entry[t]] - 1], q = scratch->position[icn[plan->entry[t]] - 1];
+      const int low = slot[p < q ? p : q], high = slot[p < q ? q : p];
+      plan->target[t] = low * plan->stride + high;
+      MARK(low, high);
+    }
+    for (int g = 0; g < givers(plan, s, chain); g++) {
+      const int from = giver(plan, s, chain, g), begin = plan->first_boundary[from];
+      for (int k = begin; k < plan->first_boundary[from + 1]; k++) {
+        handed_to[k] = slot[plan->boundary[k]];
+        for (int l = begin; l < k; l++) MARK(handed_to[l], handed_to[k]);
+      }
+    }
+    plan->first_list[s] = length;
+    const int more = list_pairs(plan->pairs[s], size, marks, plan->lists + length, space - length);
+    length = more < 0 ? more : length + more;
+  }
+  free(marks);
+  return length;
+}
+
+/* Every front has as many slots as the largest: its unknowns, `delayed` candidates, and all of its pairs again, which
+ * are candidates when their pivots are not acceptable. */
+static void set_size(Plan *plan, int delayed) {
+  plan->size = 0;
+  for (int s = 0; s < plan->stages; s++) {
+    const int size = 4 * plan->pairs[s] + candidates_of(plan, s) + boundary_of(plan, s) + delayed;
+    plan->size = size > plan->size ? size : plan->size;
+  }
+  plan->stride = column_stride(plan->size);
+}
+
+/* Complete a bare plan in `room`, which has `room_size` integers, with space in the fronts for `delayed` candidates;
+ * the order is copied. Returns how many integers it takes, TOO_SMALL (which it may say for want of n) or NO_MEMORY. */
+static int make_plan(Plan *plan, const int *irn, const int *icn, int delayed, int *room, int room_size) {
+  const int n = plan->n, stages = plan->stages, fixed = plan_integers(plan);
+  if (room_size < fixed) return TOO_SMALL;
   memcpy(room, plan->order, sizeof(int) * (size_t)handed_size(n, stages, plan->chains));
   lay_out(plan, room);
-
-  int *stage_of = scratch, *seen = scratch + n; /* by position */
-  for (int p = 0; p < n; p++) plan->position[plan->order[p]] = p;
+  int *scratch = malloc(3 * sizeof(int) * (size_t)n);
+  if (!scratch) return NO_MEMORY;
+  const Scratch parts = {scratch, scratch + n, scratch + 2 * n};
+  for (int p = 0; p < n; p++) parts.position[plan->order[p]] = p;
   for (int s = 0; s < stages; s++)
-    for (int p = plan->first[s]; p < plan->first[s + 1]; p++) stage_of[p] = s;
+    for (int p = plan->first[s]; p < plan->first[s + 1]; p++) parts.stage_of[p] = s;
 
-  /* Entries sorted by the stage that eliminates the earlier of their two positions. */
-  int *count = plan->first_entry;
-  memset(count, 0, sizeof(int) * (size_t)(stages + 1));
-  for (int e = 0; e < nz; e++) {
-    const int p = plan->position[irn[e] - 1], q = plan->position[icn[e] - 1];
-    count[stage_of[p < q ? p : q] + 1]++;
+  sort_entries(plan, irn, icn, &parts);
+  const int boundaries = find_boundaries(plan, irn, icn, room_size - fixed, &parts);
+  int lists = boundaries;
+  if (boundaries >= 0) {
+    set_size(plan, delayed);
+    plan->lists = plan->boundary + 2 * boundaries;
+    lists = find_targets(plan, irn, icn, room_size - fixed - 2 * boundaries, &parts);
   }
-  for (int s = 0; s < stages; s++) count[s + 1] += count[s];
-  for (int e = 0; e < nz; e++) {
-    const int p = plan->position[irn[e] - 1], q = plan->position[icn[e] - 1];
-    const int low = p < q ? p : q, high = p < q ? q : p;
-    const int place = count[stage_of[low]]++;
-    plan->entry[place] = e;
-    plan->row[place] = high;
-    plan->column[place] = low;
-  }
-  for (int s = stages; s > 0; s--) count[s] = count[s - 1];
-  count[0] = 0;
-
-  /* A front reaches as far as its entries do, and as the front before it did. */
-  Found found = {0, space, seen};
-  for (int p = 0; p < n; p++) seen[p] = -1;
-  plan->first_boundary[0] = 0;
-  int chain = 0;
-  for (int s = 0; s < stages; s++) {
-    const int begin = found.total;
-    while (chain + 1 < plan->chains && plan->chain[chain + 1] <= s) chain++;
-    for (int e = plan->first_entry[s]; e < plan->first_entry[s + 1]; e++)
-      add_to_boundary(plan, &found, s, plan->row[e]);
-    if (s > plan->chain[chain])
-      inherit_boundary(plan, &found, s, s - 1);
-    else if (chain == plan->chains - 1)
-      for (int c = 0; c < chain; c++) inherit_boundary(plan, &found, s, chain_end(plan, c) - 1);
-    if (found.total <= space)
-      qsort(plan->boundary + begin, (size_t)(found.total - begin), sizeof(int), ascending);
-    plan->first_boundary[s + 1] = found.total;
-  }
-  return found.total;
+  free(scratch);
+  return lists < 0 ? lists : fixed + 2 * boundaries + lists;
 }
 
 /* ---- dense pieces ---- */
-
-static int padded(int rows) { return (rows + LANES - 1) / LANES * LANES; }
-
-/* Columns of a front are this far apart: room for a tile that reaches below the last row. */
-static int column_stride(int size) { return padded(size) + TILE_ROWS; }
 
 static double largest(const double *x, int n) {
   double most = 0;
@@ -274,44 +393,51 @@ static double dot(const double *restrict x, const double *restrict y, int n) {
   return sum;
 }
 
-/* C -= L W' on the lower triangle of C (m x m); L is (m x k) by columns, W comes in packs of TILE_COLUMNS rows.
- *
- * Tiles reach above the diagonal and below the last row, where a front keeps room. */
-static void subtract_product(int m, int k, const double *restrict L, int ldl, const double *restrict W,
-                             double *restrict C, int ldc) {
-  for (int j = 0; j < m; j += TILE_COLUMNS) {
-    const double *pack = W + (size_t)j * (size_t)k;
-    for (int i = j; i < m; i += TILE_ROWS) {
-      vector sum[TILE_COLUMNS][3] = {0};
-      const double *l = L + i;
-      for (int p = 0; p < k; p++, l += ldl) {
-        const vector l0 = *(const vector *)l, l1 = *(const vector *)(l + LANES), l2 = *(const vector *)(l + 2 * LANES);
-        for (int c = 0; c < TILE_COLUMNS; c++) {
-          const double w = pack[p * TILE_COLUMNS + c];
-          sum[c][0] += l0 * w;
-          sum[c][1] += l1 * w;
-          sum[c][2] += l2 * w;
-        }
-      }
-      for (int c = 0; c < TILE_COLUMNS; c++) {
-        double *out = C + (size_t)(j + c) * (size_t)ldc + i;
-        for (int v = 0; v < 3; v++) *(vector *)(out + v * LANES) -= sum[c][v];
-      }
+#define INLINE static inline __attribute__((always_inline))
+
+/* A tile of `columns` columns and `vectors` vectors of rows: C -= A B', with A and B given by their k columns. The
+ * numbers of columns and vectors are constants wherever it is inlined. */
+INLINE void tile(int columns, int vectors, int k, const double *A, int lda, const double *B, int ldb, double *C,
+                 int ldc) {
+  vector sum[TILE_COLUMNS][TILE_VECTORS] = {0};
+  for (int p = 0; p < k; p++, A += lda, B += ldb)
+    for (int v = 0; v < vectors; v++) {
+      const vector a = *(const vector *)(A + v * LANES);
+      for (int c = 0; c < columns; c++) sum[c][v] += a * B[c];
     }
-  }
+  for (int c = 0; c < columns; c++)
+    for (int v = 0; v < vectors; v++) *(vector *)(C + (size_t)c * (size_t)ldc + v * LANES) -= sum[c][v];
+}
+
+/* `tile` over `rows` rows. */
+INLINE void tiles(int columns, int rows, int k, const double *A, int lda, const double *B, int ldb, double *C,
+                  int ldc) {
+  int i = 0;
+  for (; i + 2 * LANES < rows; i += 3 * LANES) tile(columns, 3, k, A + i, lda, B, ldb, C + i, ldc);
+  if (i + LANES < rows)
+    tile(columns, 2, k, A + i, lda, B, ldb, C + i, ldc);
+  else if (i < rows)
+    tile(columns, 1, k, A + i, lda, B, ldb, C + i, ldc);
+}
+
+/* C -= A B' on the lower triangle of C (m x m); tiles reach above the diagonal, and into the zeros below. */
+static void subtract_product(int m, int k, const double *A, int lda, const double *B, int ldb, double *C, int ldc) {
+  for (int j = 0; j < m; j += TILE_COLUMNS)
+    tiles(TILE_COLUMNS, m - j, k, A + j, lda, B + j, ldb, C + (size_t)j * (size_t)ldc + j, ldc);
 }
 
 /* ---- factors of one stage, as they lie in the caller's arrays ----
  *
- * Integers: STAGE_HEADER numbers; for each pair where its record begins among the stage's integers and reals; the
- * pairs' records; the places of the dense rows; 1 or 2 for each column, the size of its pivot.
- * Reals: the pairs' records; D inverse, 2 numbers a column; the panel of L, its columns `padded(rows)` apart.
- * A pair's record: the number of rows and their places; the inverse of the pivot (3 numbers), columns b and a.
+ * Integers: the header; for each pair the places of its list and of its reals; lists that are not the plan's; the
+ * places of the slots, but for the pairs'; where each row of the panel was before pivoting; 1 or 2 for each column,
+ * the size of its pivot.
+ * Reals: of a pair the inverse of its pivot (3 numbers), columns b and a by its list; D inverse, 2 numbers a column;
+ * the panel of L without its unit diagonal, zero above it.
  *
  * "Place" is where a solve keeps an unknown. Every chain has places for the trunk's unknowns behind its own, to gather
  * what it takes from them, so that no chain waits for another. */
 
-enum { PAIRS, ROWS, COLUMNS, FIRST, PLACES, DIAGONAL, STAGE_HEADER }; /* the last two: where they begin */
+enum { PAIRS, FIRST, PAIRED, GATHERED, PLACES, ROWS, ORIGINS, COLUMNS, KINDS, DIAGONAL, PANEL, STAGE_HEADER };
 
 /* Place of the first of a chain's own unknowns, and of the trunk's first one behind them. */
 static int own_places(const Plan *plan, int chain) {
@@ -328,545 +454,603 @@ static int all_places(const Plan *plan) {
   return plan->n + (plan->chains - 1) * (plan->n - trunk_position(plan));
 }
 
+static int place_of(const Plan *plan, int chain, int position) {
+  const int trunk = trunk_position(plan), branches = plan->chains - 1;
+  if (position >= trunk) return position - trunk + trunk_places(plan, chain);
+  if (chain == branches) /* a chain's unknown that was delayed to the trunk */
+    for (chain = 0; plan->first[chain_end(plan, chain)] <= position;) chain++;
+  return position - plan->first[plan->chain[chain]] + own_places(plan, chain);
+}
+
 typedef struct {
-  int size;       /* unknowns in the front */
-  int candidates; /* slots below this may be eliminated here */
-  int stride;
+  int dense;     /* first slot of the candidates */
+  int limit;     /* first slot of the boundary */
   double *a;     /* the front */
-  int *position; /* of each slot */
+  int *position; /* of each slot, before pivoting */
+  int *origin;   /* slot before pivoting, from the first candidate on */
 } Front;
+
+/* What a front leaves behind when all is done: delayed candidates and the boundary. */
+typedef struct {
+  int delayed, size; /* how many candidates, how many in all */
+  int stride;
+  const double *a;   /* columns, lower triangle */
+  const int *position;  /* of the delayed candidates */
+  const int *handed_to; /* slots of the boundary in the front that it is handed to */
+} Remainder;
 
 typedef struct {
   int *integers; /* next free */
   double *reals;
   int negative; /* eigenvalues so far */
-  const Plan *plan;
-  int chain, trunk, own_shift, trunk_shift; /* which chain's; places less positions */
 } Factors;
 
-static int place_of(const Factors *out, int position) {
-  if (position >= out->trunk) return position + out->trunk_shift;
-  if (out->chain < out->plan->chains - 1) return position + out->own_shift;
-  int chain = 0; /* a chain's unknown that was delayed to the trunk */
-  while (out->plan->first[chain_end(out->plan, chain)] <= position) chain++;
-  return position + own_places(out->plan, chain) - out->plan->first[out->plan->chain[chain]];
+static double *column_at(const Plan *plan, const Front *front, int j) {
+  return front->a + (size_t)j * (size_t)plan->stride;
 }
 
 static int negative_of_two(double a, double b, double det) { return det < 0 ? 1 : (a + b < 0 ? 2 : 0); }
 
-/* Eliminate the pair in slots k, k+1; 0 when its pivot is not acceptable.
+/* The list of a pair's rows by its values, for a front with delayed candidates or a pair with c != 0, after which the
+ * plan's lists do not hold. With c != 0 all rows count as the constraint's. */
+static void list_of_pair(const Plan *plan, const Front *front, int k, int paired, int all, int *list) {
+  const double *b = column_at(plan, front, k), *a = b + plan->stride;
+  int *rows = list + LIST_HEADER, count = 0, short_count = 0;
+  for (int i = k + 2; i < plan->size; i = i == paired - 1 ? front->dense : i + 1)
+    if (a[i] != 0 || b[i] != 0) rows[count++] = i;
+  for (int t = 0; t < count; t++)
+    if (all || a[rows[t]] != 0) rows[count + short_count++] = t;
+  list[ROWS_OF_BOTH] = count, list[ROWS_OF_CONSTRAINT] = short_count;
+}
+
+/* Rows of a pair from which on whole columns are faster than one row after another. */
+static const int MANY_ROWS = 24;
+
+/* Eliminate the pair in slots k, k+1, whose rows are listed; 0 when its pivot is not acceptable.
  *
- * With b and a the columns below the pivot, the rest loses [b a] [S g; g c]^-1 [b a]'. Both columns are sparse: only
- * their nonzeros are visited, and kept. */
-static int eliminate_pair(Front *front, int k, Factors *out, int *slots) {
-  const int stride = front->stride, size = front->size;
-  double *b = front->a + (size_t)k * (size_t)stride, *a = b + stride;
-  const double S = b[k], g = b[k + 1], c = a[k + 1];
-  const double det = S * c - g * g;
-  if (fabs(det) < 0.5 * g * g || largest(a + k + 2, size - k - 2) > PAIR_GROWTH * fabs(g) || fabs(g) <= ZERO) return 0;
+ * With b and a the columns below the pivot, the rest loses [b a] [S g; g c]^-1 [b a]'. */
+static int eliminate_pair(const Plan *plan, Front *front, int k, const int *list, Factors *out) {
+  const int count = list[ROWS_OF_BOTH], short_count = list[ROWS_OF_CONSTRAINT];
+  const int *rows = list + LIST_HEADER, *shorts = rows + count;
+  double *b = column_at(plan, front, k), *a = b + plan->stride;
+  double *pivot = out->reals, *kept_b = pivot + 3, *kept_a = kept_b + count;
+  const double S = b[k], g = b[k + 1], c = a[k + 1], det = S * c - g * g;
+  for (int t = 0; t < count; t++) kept_b[t] = b[rows[t]], kept_a[t] = a[rows[t]];
+  if (fabs(det) < 0.5 * g * g || largest(kept_a, count) > PAIR_GROWTH * fabs(g) || fabs(g) <= ZERO) return 0;
   out->negative += negative_of_two(S, c, det);
 
-  int count = 0;
-  for (int i = k + 2; i < size; i++) {
-    slots[count] = i;
-    count += (a[i] != 0) | (b[i] != 0);
-  }
-  int *where = out->integers;
-  double *kept = out->reals;
-  *where++ = count;
   const double p = c / det, q = -g / det, r = S / det; /* inverse of the pivot: [p q; q r] */
-  *kept++ = p, *kept++ = q, *kept++ = r;
-  double *kept_b = kept, *kept_a = kept + count;
-  int *short_list = slots + count, short_count = 0; /* rows with a nonzero in a, few */
-  for (int t = 0; t < count; t++) {
-    where[t] = place_of(out, front->position[slots[t]]);
-    kept_b[t] = b[slots[t]];
-    kept_a[t] = a[slots[t]];
-    short_list[short_count] = t;
-    short_count += kept_a[t] != 0;
-  }
-  int below = 0; /* the short list from here on lies on or below the diagonal */
-  for (int t = 0; t < count; t++) {
+  pivot[0] = p, pivot[1] = q, pivot[2] = r;
+  for (int t = 0, below = 0; t < count; t++) { /* shorts from `below` on lie on or below the diagonal */
     const double z_b = p * kept_b[t] + q * kept_a[t], z_a = q * kept_b[t] + r * kept_a[t];
-    double *column = front->a + (size_t)slots[t] * (size_t)stride;
-    if (z_b != 0)
-      for (int u = t; u < count; u++) column[slots[u]] -= kept_b[u] * z_b + kept_a[u] * z_a;
+    double *column = column_at(plan, front, rows[t]);
+    if (below == short_count || shorts[below] != t)
+      for (int s = below; s < short_count; s++) column[rows[shorts[s]]] -= kept_a[shorts[s]] * z_a;
+    else if (++below, count > MANY_ROWS && rows[t] >= front->dense)
+      subtract_two(column + rows[t], z_b, b + rows[t], z_a, a + rows[t], padded(plan->size - rows[t]));
     else
-      for (int u = below; u < short_count; u++) column[slots[short_list[u]]] -= kept_a[short_list[u]] * z_a;
-    below += below < short_count && short_list[below] == t;
+      for (int u = t; u < count; u++) column[rows[u]] -= kept_b[u] * z_b + kept_a[u] * z_a;
   }
-  out->integers += 1 + count;
-  out->reals += 3 + 2 * count;
+  out->reals = kept_a + count;
+  for (int t = 0; t < count; t++) b[rows[t]] = a[rows[t]] = 0; /* for the next stage's pairs */
+  b[k] = b[k + 1] = a[k + 1] = 0;
   return 1;
 }
 
-/* Exchange two candidates, low < high, from column `left` on. */
-static void exchange(Front *front, int left, int low, int high) {
-  if (low == high) return;
-  const int stride = front->stride;
-  double *A = front->a;
+/* Make candidates of the pairs from slot k on: they join those there are, on their left. */
+static void join_candidates(const Plan *plan, Front *front, int k, int paired) {
+  const int dense = front->dense, shift = dense - paired;
+  for (int j = paired - 1; j >= k; j--) {
+    double *from = column_at(plan, front, j), *to = column_at(plan, front, j + shift);
+    for (int i = paired - 1; i >= j; i--) to[i + shift] = from[i];
+    memcpy(to + dense, from + dense, sizeof(double) * (size_t)(plan->size - dense));
+    memset(from + j, 0, sizeof(double) * (size_t)(plan->size - j));
+    front->origin[j + shift] = j;
+  }
+  front->dense = k + shift;
+}
+
+/* ---- elimination of candidates ---- */
+
+/* The columns that were eliminated: column k of the front keeps W = L D, the panel has L. */
+typedef struct {
+  double *panel;
+  int stride;
+  int *done; /* by slot: the columns before it were subtracted from this candidate's */
+} Panel;
+
+static double *panel_column(const Front *front, const Panel *panel, int j) {
+  return panel->panel + (size_t)(j - front->dense) * (size_t)panel->stride - front->dense; /* by slot */
+}
+
+/* Subtract from candidate j what the columns before k, eliminated already, take from it. */
+static void bring_up_to_date(const Plan *plan, const Front *front, const Panel *panel, int j, int k) {
+  const int from = panel->done[j];
+  panel->done[j] = k;
+  if (from == k) return;
+  tiles(1, plan->size - j, k - from, column_at(plan, front, from) + j, plan->stride,
+        panel_column(front, panel, from) + j, panel->stride, column_at(plan, front, j) + j, 0);
+}
+
 #define AT(i, j) A[(size_t)(j) * (size_t)stride + (size_t)(i)]
 #define SWAP(x, y) do { const double kept = x; x = y; y = kept; } while (0)
-  for (int j = left; j < low; j++) SWAP(AT(low, j), AT(high, j));
+
+/* Exchange two candidates, low < high, both up to date. */
+static void exchange(const Plan *plan, Front *front, const Panel *panel, int k, int low, int high) {
+  if (low == high) return;
+  const int stride = plan->stride;
+  double *A = front->a;
+  for (int j = front->dense; j < low; j++) SWAP(AT(low, j), AT(high, j));
   SWAP(AT(low, low), AT(high, high));
   for (int i = low + 1; i < high; i++) SWAP(AT(i, low), AT(high, i));
-  for (int i = high + 1; i < front->size; i++) SWAP(AT(i, low), AT(i, high));
-  const int position = front->position[low];
-  front->position[low] = front->position[high];
-  front->position[high] = position;
+  for (int i = high + 1; i < plan->size; i++) SWAP(AT(i, low), AT(i, high));
+  for (int j = front->dense; j < k; j++) SWAP(panel_column(front, panel, j)[low], panel_column(front, panel, j)[high]);
+  const int origin = front->origin[low];
+  front->origin[low] = front->origin[high];
+  front->origin[high] = origin;
 }
 
 /* Column j of the symmetric front without its diagonal, over slots >= k, written out densely; its largest entry, and
  * the slot of its largest entry among the candidates. */
-static double column_of(const Front *front, int k, int j, double *full, int *partner) {
+static double column_of(const Plan *plan, const Front *front, int k, int j, double *full, int *partner) {
   const double *A = front->a;
-  const int stride = front->stride;
+  const int stride = plan->stride;
   double most = -1;
   *partner = -1;
   for (int i = k; i < j; i++) full[i] = AT(j, i);
   full[j] = 0;
-  const int below = front->size - j - 1;
-  if (below > 0) memcpy(full + j + 1, A + (size_t)j * (size_t)stride + j + 1, sizeof(double) * (size_t)below);
-  for (int i = k; i < front->candidates; i++)
+  memcpy(full + j + 1, A + (size_t)j * (size_t)stride + j + 1, sizeof(double) * (size_t)(plan->size - j - 1));
+  for (int i = k; i < front->limit; i++)
     if (i != j && fabs(full[i]) > most) most = fabs(full[i]), *partner = i;
-  return largest(full + k, front->size - k);
+  return largest(full + k, plan->size - k);
 }
 
-/* Eliminate candidates k, k+1, ... while acceptable pivots are found; returns the slot where it stopped.
+/* Search candidates k, k+1, ..., all up to date, for a pivot: 1 and its slot j, or 2 and its slots j, t, or 0.
  *
- * A pivot is accepted when no entry of L exceeds 1/threshold. `diagonal` (2 a column) and `kinds` receive D inverse. */
-static int eliminate_candidates(Front *front, int left, double threshold, int last, double *diagonal, int *kinds,
-                                double *work, int *negative) {
-  double *A = front->a;
-  const int stride = front->stride, size = front->size, limit = front->candidates;
+ * A pivot is accepted when no entry of L exceeds 1/threshold. */
+static int search_pivot(const Plan *plan, const Front *front, int k, double threshold, double *work, int *j, int *t) {
+  const double *A = front->a;
+  const int stride = plan->stride, size = plan->size;
   double *column_j = work, *column_t = work + size;
-  int k = left;
-  while (k < limit) {
-    int found = 0, j, t = -1;
-    double u = threshold;
-    for (int round = 0; round < (last ? 3 : 1) && !found; round++, u = round == 1 ? 1e-8 : 0)
-      for (j = k; j < limit; j++) {
-        const double d = AT(j, j);
-        const double most_j = column_of(front, k, j, column_j, &t);
-        if (fabs(d) > ZERO && fabs(d) >= u * most_j) {
-          found = 1;
-          break;
-        }
-        if (t < 0) continue;
-        /* 2x2 with the largest candidate of the column: |P^-1| times the columns' largest entries must stay small. */
-        int unused;
-        const double e = AT(t, t), o = column_j[t];
-        column_of(front, k, t, column_t, &unused);
-        column_j[t] = column_t[j] = 0;
-        const double det = d * e - o * o, size_of = fabs(det);
-        const double rest_j = largest(column_j + k, size - k), rest_t = largest(column_t + k, size - k);
-        if (size_of <= ZERO * fabs(o)) continue;
-        if (u * (fabs(e) * rest_j + fabs(o) * rest_t) <= size_of &&
-            u * (fabs(o) * rest_j + fabs(d) * rest_t) <= size_of) {
-          found = 2;
-          break;
-        }
-      }
-    if (!found) break;
+  for (*j = k; *j < front->limit; (*j)++) {
+    const double d = AT(*j, *j), most = column_of(plan, front, k, *j, column_j, t);
+    if (fabs(d) > ZERO && fabs(d) >= threshold * most) return 1;
+    if (*t < 0) continue;
+    /* 2x2 with the largest candidate of the column: |P^-1| times the columns' largest entries must stay small. */
+    int unused;
+    const double e = AT(*t, *t), o = column_j[*t];
+    column_of(plan, front, k, *t, column_t, &unused);
+    column_j[*t] = column_t[*j] = 0;
+    const double det = d * e - o * o, size_of = fabs(det);
+    const double rest_j = largest(column_j + k, size - k), rest_t = largest(column_t + k, size - k);
+    if (size_of > ZERO * fabs(o) && threshold * (fabs(e) * rest_j + fabs(o) * rest_t) <= size_of &&
+        threshold * (fabs(o) * rest_j + fabs(d) * rest_t) <= size_of)
+      return 2;
+  }
+  return 0;
+}
 
-    if (found == 1) {
-      exchange(front, left, k, j);
-      double *l = A + (size_t)k * (size_t)stride;
-      const double d = l[k], inverse = 1 / d;
-      *negative += d < 0;
-      kinds[k - left] = 1;
-      diagonal[2 * (k - left)] = inverse, diagonal[2 * (k - left) + 1] = 0;
-      for (int c = k + 1; c < limit; c++) {
-        const double factor = l[c] * inverse;
-        if (factor != 0) subtract(A + (size_t)c * (size_t)stride + c, factor, l + c, size - c);
-      }
-      for (int i = k + 1; i < size; i++) l[i] *= inverse;
-      l[k] = 1;
-      k += 1;
+/* Find the next pivot and bring it to slots k, k+1; its size, or 0. The last stage takes worse pivots, if it must. */
+static int next_pivot(const Plan *plan, Front *front, const Panel *panel, int k, double threshold, int last,
+                      double *work) {
+  bring_up_to_date(plan, front, panel, k, k);
+  const double *l = column_at(plan, front, k), d = fabs(l[k]);
+  if (d > ZERO && d >= threshold * largest(l + k + 1, padded(plan->size - k - 1))) return 1;
+
+  for (int j = k + 1; j < front->limit; j++) bring_up_to_date(plan, front, panel, j, k);
+  const double thresholds[] = {threshold, 1e-8, 0};
+  for (int round = 0; round < (last ? 3 : 1); round++) {
+    int j, t;
+    const int found = search_pivot(plan, front, k, thresholds[round], work, &j, &t);
+    if (!found) continue;
+    const int low = found == 2 && t < j ? t : j, high = found == 2 && t < j ? j : t;
+    exchange(plan, front, panel, k, k, low);
+    if (found == 2) exchange(plan, front, panel, k, k + 1, high);
+    return found;
+  }
+  return 0;
+}
+
+/* Eliminate candidates while acceptable pivots are found; returns the slot where it stopped. `diagonal` (2 a column)
+ * and `kinds` receive D inverse. */
+static int eliminate_candidates(const Plan *plan, Front *front, const Panel *panel, double threshold, int last,
+                                double *diagonal, int *kinds, double *work, int *negative) {
+  const int stride = plan->stride, size = plan->size, first = front->dense;
+  int k = first, pivot;
+  for (int j = k; j < front->limit; j++) panel->done[j] = k;
+  while (k < front->limit && (pivot = next_pivot(plan, front, panel, k, threshold, last, work))) {
+    const double *restrict w = column_at(plan, front, k), *restrict v = w + stride;
+    double *restrict l = panel_column(front, panel, k), *restrict m = l + panel->stride;
+    double *D = diagonal + 2 * (k - first);
+    const int below = k + pivot;
+    memset(l + first, 0, sizeof(double) * (size_t)(below - first));
+    memset(l + size, 0, sizeof(double) * (size_t)(panel->stride - (size - first)));
+    if (pivot == 1) {
+      const double inverse = 1 / w[k];
+      *negative += inverse < 0;
+      D[0] = inverse, D[1] = 0;
+#pragma omp simd
+      for (int i = below; i < size; i++) l[i] = inverse * w[i];
     } else {
-      const int low = j < t ? j : t, high = j < t ? t : j;
-      exchange(front, left, k, low);
-      exchange(front, left, k + 1, high);
-      double *l = A + (size_t)k * (size_t)stride, *m = l + stride;
-      const double d = l[k], o = l[k + 1], e = m[k + 1], det = d * e - o * o;
+      const double d = w[k], o = w[k + 1], e = v[k + 1], det = d * e - o * o;
       const double p = e / det, q = -o / det, r = d / det;
       *negative += negative_of_two(d, e, det);
-      kinds[k - left] = 2, kinds[k - left + 1] = 2;
-      diagonal[2 * (k - left)] = p, diagonal[2 * (k - left) + 1] = q;
-      diagonal[2 * (k - left) + 2] = r, diagonal[2 * (k - left) + 3] = q;
-      for (int c = k + 2; c < limit; c++) {
-        const double f = p * l[c] + q * m[c], g = q * l[c] + r * m[c];
-        if (f != 0 || g != 0) subtract_two(A + (size_t)c * (size_t)stride + c, f, l + c, g, m + c, size - c);
-      }
-      for (int i = k + 2; i < size; i++) {
-        const double x = l[i], y = m[i];
-        l[i] = p * x + q * y;
-        m[i] = q * x + r * y;
-      }
-      l[k] = 1, l[k + 1] = 0, m[k + 1] = 1;
-      k += 2;
+      D[0] = p, D[1] = q, D[2] = r, D[3] = q;
+      memset(m + first, 0, sizeof(double) * (size_t)(below - first));
+      memset(m + size, 0, sizeof(double) * (size_t)(panel->stride - (size - first)));
+#pragma omp simd
+      for (int i = below; i < size; i++) l[i] = p * w[i] + q * v[i], m[i] = q * w[i] + r * v[i];
+      kinds[k + 1 - first] = 2;
     }
+    kinds[k - first] = pivot;
+    k = below;
   }
+  for (int j = k; j < front->limit; j++) bring_up_to_date(plan, front, panel, j, k);
   return k;
-}
-
-/* Boundary -= L D L' of the columns left..end. */
-static void update_boundary(Front *front, int left, int end, const double *diagonal, const int *kinds, double *pack) {
-  const int stride = front->stride, first = front->candidates, m = front->size - first, k = end - left;
-  if (m <= 0 || k <= 0) return;
-  const double *L = front->a + (size_t)left * (size_t)stride + first;
-  /* W = L D, where 2x2 blocks of D are rebuilt from their inverse. */
-  for (int p = 0; p < k; p++) {
-    const double *l = L + (size_t)p * (size_t)stride;
-    if (kinds[p] == 1) {
-      const double d = 1 / diagonal[2 * p];
-      for (int j = 0; j < m; j++) pack[((size_t)(j / TILE_COLUMNS) * (size_t)k + (size_t)p) * TILE_COLUMNS + (size_t)(j % TILE_COLUMNS)] = d * l[j];
-    } else {
-      const double *h = l + stride;
-      const double x = diagonal[2 * p], q = diagonal[2 * p + 1], y = diagonal[2 * p + 2], det = x * y - q * q;
-      const double d = y / det, o = -q / det, e = x / det;
-      for (int j = 0; j < m; j++) {
-        double *w = pack + ((size_t)(j / TILE_COLUMNS) * (size_t)k + (size_t)p) * TILE_COLUMNS + (size_t)(j % TILE_COLUMNS);
-        w[0] = d * l[j] + o * h[j];
-        w[TILE_COLUMNS] = o * l[j] + e * h[j];
-      }
-      p++;
-    }
-  }
-  for (int p = 0; p < k && m % TILE_COLUMNS; p++)
-    for (int j = m; j % TILE_COLUMNS; j++) pack[((size_t)(j / TILE_COLUMNS) * (size_t)k + (size_t)p) * TILE_COLUMNS + (size_t)(j % TILE_COLUMNS)] = 0;
-  subtract_product(m, k, L, stride, pack, front->a + (size_t)first * (size_t)stride + first, stride);
-}
-
-/* Add what the front before left behind: its slots from `begin` on. `slot` gives the new front's slot by position. */
-static void add_remainder(Front *front, const Front *before, int begin, const int *slot) {
-  int tail = before->size; /* from here on the new slots follow one another */
-  while (tail > begin + 1 && slot[before->position[tail - 2]] + 1 == slot[before->position[tail - 1]]) tail--;
-  if (tail > begin) tail--;
-  for (int j = begin; j < before->size; j++) {
-    const double *from = before->a + (size_t)j * (size_t)before->stride;
-    const int c = slot[before->position[j]];
-    int i = j;
-    for (; i < tail; i++) {
-      const int r = slot[before->position[i]];
-      const int low = r < c ? r : c, high = r < c ? c : r;
-      front->a[(size_t)low * (size_t)front->stride + (size_t)high] += from[i];
-    }
-    if (i >= before->size) continue;
-    const int r = slot[before->position[i]];
-    if (r >= c) {
-      double *to = front->a + (size_t)c * (size_t)front->stride + r;
-      for (int t = i; t < before->size; t++) to[t - i] += from[t];
-    } else
-      for (int t = i; t < before->size; t++) {
-        const int row = slot[before->position[t]];
-        const int low = row < c ? row : c, high = row < c ? c : row;
-        front->a[(size_t)low * (size_t)front->stride + (size_t)high] += from[t];
-      }
-  }
 }
 
 /* ---- the whole ---- */
 
 /* Integers of the factors' header: what the solve must know. The table follows: where each stage's factors lie. */
-enum { STAGE_COUNT, CHAIN_COUNT, THREADS, TABLE, FRONT, HEADER };
+enum { STAGE_COUNT, CHAIN_COUNT, THREADS, TABLE, SIZE, HEADER };
 
 /* Room in the fronts for candidates that are delayed; doubled as long as the caller's arrays allow. */
 static const int DELAYED_ROOM = 48;
 
-static int factor_reals(int pairs, int candidates, int size) {
-  return pairs * (3 + 2 * size) + candidates * (2 + padded(size));
-}
+static int front_reals(const Plan *plan) { return plan->stride * (plan->size + TILE_COLUMNS); }
 
-static int factor_integers(int pairs, int candidates, int size) {
-  return STAGE_HEADER + pairs * (3 + size) + size + candidates;
-}
+/* What a thread works with: two fronts, their slots' positions and origins, positions of delayed candidates. */
+static int thread_reals(const Plan *plan) { return 2 * front_reals(plan) + 2 * plan->size; }
 
-static int front_reals(int size) { return column_stride(size) * (size + TILE_COLUMNS) + TILE_ROWS; }
-
-static int work_reals(int size) { return (size + TILE_COLUMNS) * (size + 2); }
-
-/* What a chain leaves for the trunk: its size, how many of its unknowns were delayed, their positions; the columns. */
-enum { SIZE, CANDIDATES, REMAINDER_HEADER };
-
-static int remainder_integers(int size) { return REMAINDER_HEADER + size; }
-
-static int remainder_reals(int size) { return size * size; }
+static int thread_integers(const Plan *plan) { return 8 * plan->size; }
 
 typedef struct {
   int integers, reals;
-  int front;     /* size of the largest front */
-  int remainder; /* size of the largest remainder */
+  int remainder; /* size of the largest remainder that a chain leaves */
   int threads;
 } Space;
 
-static int thread_reals(const Space *space) { return 2 * front_reals(space->front) + work_reals(space->front); }
-
-static int thread_integers(const Plan *plan, const Space *space) { return plan->n + 4 * space->front; }
-
-/* Space that the factors of a stage may take, with `room` for delayed candidates. */
-static Space stage_space(const Plan *plan, int s, int room) {
-  const int own = plan->first[s + 1] - plan->first[s], pairs = plan->pairs[s];
-  const int boundary = plan->first_boundary[s + 1] - plan->first_boundary[s];
-  const int size = own + boundary + room, candidates = own - 2 * pairs + room;
-  return (Space){factor_integers(pairs, candidates, size), factor_reals(pairs, candidates, size), size,
-                 boundary + room, 0};
+/* Space that the factors of a stage may take, with room for `delayed` candidates and for pairs that join them. */
+static Space stage_space(const Plan *plan, int s, int delayed) {
+  const int pairs = plan->pairs[s], candidates = 2 * pairs + candidates_of(plan, s) + delayed;
+  const int rows = candidates + boundary_of(plan, s), all = 2 * pairs + rows;
+  return (Space){.integers = STAGE_HEADER + pairs * (2 + LIST_HEADER + 2 * all) + 2 * rows + candidates,
+                 .reals = pairs * (3 + 2 * all) + candidates * (2 + panel_stride(rows)) + LANES,
+                 .remainder = boundary_of(plan, s) + delayed};
 }
 
-/* Space that the factorisation takes in all, with `room` for delayed candidates in every front. */
-static Space space_for(const Plan *plan, int boundaries, int room, int threads) {
-  Space space = {0, 0, 0, 0, threads < plan->chains ? threads : plan->chains};
+/* Space that the factorisation takes in all, with room for `delayed` candidates in every front; of the plan, which
+ * takes `planned` integers, only the boundaries are asked. */
+static Space space_for(const Plan *plan, int planned, int delayed, int threads) {
+  Plan wider = *plan;
+  set_size(&wider, delayed);
+  Space space = {.threads = threads < plan->chains ? threads : plan->chains};
   for (int s = 0; s < plan->stages; s++) {
-    const Space stage = stage_space(plan, s, room);
+    const Space stage = stage_space(plan, s, delayed);
     space.integers += stage.integers, space.reals += stage.reals;
-    if (stage.front > space.front) space.front = stage.front;
   }
-  for (int c = 0; c < plan->chains - 1; c++) {
-    const Space end = stage_space(plan, chain_end(plan, c) - 1, room);
-    if (end.remainder > space.remainder) space.remainder = end.remainder;
+  const int branches = plan->chains - 1;
+  for (int c = 0; c < branches; c++) {
+    const int size = stage_space(plan, chain_end(plan, c) - 1, delayed).remainder;
+    space.remainder = size > space.remainder ? size : space.remainder;
   }
-  space.reals += plan->nz + space.threads * thread_reals(&space);
-  space.reals += (plan->chains - 1) * remainder_reals(space.remainder);
-  space.integers += HEADER + plan_integers(plan) + boundaries; /* the plan */
-  space.integers += space.threads * thread_integers(plan, &space) + 2 * plan->stages;     /* work, table */
-  space.integers += (plan->chains - 1) * remainder_integers(space.remainder);
+  space.reals += plan->nz + space.threads * thread_reals(&wider) + branches * space.remainder * space.remainder;
+  space.integers += HEADER + planned + 2 * plan->stages + space.threads * thread_integers(&wider);
+  space.integers += branches * space.remainder;
   return space;
 }
 
-/* What a front leaves behind: its slots from `begin` on. */
-typedef struct {
-  Front front;
-  int begin;
-} Remainder;
-
-/* Assemble a front: its positions, the entries of the matrix, and `count` remainders. */
-static void assemble(Front *front, const Plan *plan, int s, const double *values, const Remainder *left, int count,
-                     int *slot) {
-  const int first = plan->first[s], next = plan->first[s + 1], paired = first + 2 * plan->pairs[s];
-  int size = 0;
-  for (int p = first; p < paired; p++) front->position[size++] = p;
-  for (int r = 0; r < count; r++)
-    for (int d = left[r].begin; d < left[r].front.candidates; d++)
-      front->position[size++] = left[r].front.position[d];
-  for (int p = paired; p < next; p++) front->position[size++] = p;
-  front->candidates = size;
-  for (int b = plan->first_boundary[s]; b < plan->first_boundary[s + 1]; b++)
-    front->position[size++] = plan->boundary[b];
-  front->size = size;
-  front->stride = column_stride(size);
-  for (int i = 0; i < size; i++) slot[front->position[i]] = i;
-
-  for (int j = 0; j < size; j++)
-    memset(front->a + (size_t)j * (size_t)front->stride + j, 0, sizeof(double) * (size_t)(front->stride - j));
-  for (int e = plan->first_entry[s]; e < plan->first_entry[s + 1]; e++)
-    front->a[(size_t)slot[plan->column[e]] * (size_t)front->stride + (size_t)slot[plan->row[e]]] +=
-        values[plan->entry[e]];
-  for (int r = 0; r < count; r++) add_remainder(front, &left[r].front, left[r].begin, slot);
+/* Add a remainder to a front, its unknowns going to the slots `to`: those from `tail` on stay where they were. `fresh`
+ * says that the columns of these have not been used yet. */
+static void add_remainder(const Plan *plan, Front *front, const Remainder *from, const int *to, int tail, int fresh) {
+  const size_t stride = (size_t)plan->stride;
+  const int size = from->size, end = plan->size - size;
+  for (int j = 0; j < size; j++) {
+    const double *column = from->a + (size_t)j * (size_t)from->stride;
+    for (int i = j; i < tail; i++) {
+      const int low = to[i] < to[j] ? to[i] : to[j], high = to[i] < to[j] ? to[j] : to[i];
+      front->a[(size_t)low * stride + (size_t)high] += column[i];
+    }
+    double *target = front->a + (size_t)to[j] * stride + end;
+    const int i = j < tail ? tail : j;
+    if (j >= tail && fresh)
+      memcpy(target + i, column + i, sizeof(double) * (size_t)(size - i));
+    else
+      for (int t = i; t < size; t++) target[t] += column[t];
+  }
 }
 
-/* Eliminate what can be eliminated of a front and keep the factors; returns the slot at which the remainder begins. */
-static int eliminate(Front *front, int first, int pairs, double threshold, int last, Factors *out, double *work,
-                     int *slots) {
-  int *integers = out->integers, *table = integers + STAGE_HEADER;
-  const double *reals = out->reals;
-  out->integers = table + 2 * pairs;
-  int left = 0;
-  for (; left < 2 * pairs; left += 2) {
-    table[left] = (int)(out->integers - integers), table[left + 1] = (int)(out->reals - reals);
-    if (!eliminate_pair(front, left, out, slots)) break; /* from here on they are candidates like the others */
-  }
-  const int rows = front->size - left, stride = padded(rows);
-  double *diagonal = out->reals;
-  int *places = out->integers, *kinds = places + rows;
-  const int end = eliminate_candidates(front, left, threshold, last, diagonal, kinds, work, &out->negative);
-  update_boundary(front, left, end, diagonal, kinds, work);
+/* Assemble the front of stage s: its positions, the `count` remainders handed to it, the entries of the matrix. `to`
+ * has room for the slots of a front. */
+static void assemble(const Plan *plan, int s, const double *values, Front *front, const Remainder *handed_on, int count,
+                     int *to) {
+  const int size = plan->size, paired = 2 * plan->pairs[s];
+  int delayed = 0;
+  for (int r = 0; r < count; r++) delayed += handed_on[r].delayed;
+  front->limit = size - boundary_of(plan, s);
+  front->dense = front->limit - candidates_of(plan, s) - delayed;
+  int *position = front->position, slot = front->dense;
+  for (int i = 0; i < paired; i++) position[i] = plan->first[s] + i;
+  for (int r = 0; r < count; r++)
+    for (int i = 0; i < handed_on[r].delayed; i++) position[slot++] = handed_on[r].position[i];
+  for (int p = plan->first[s] + paired; slot < front->limit; slot++) position[slot] = p++;
+  for (int k = plan->first_boundary[s]; slot < size; slot++) position[slot] = plan->boundary[k++];
+  for (int i = front->dense; i < size; i++) front->origin[i] = i;
 
-  const int columns = end - left;
-  integers[PAIRS] = left / 2, integers[ROWS] = rows, integers[COLUMNS] = columns, integers[FIRST] = place_of(out, first);
-  integers[PLACES] = (int)(places - integers), integers[DIAGONAL] = (int)(diagonal - reals);
-  for (int i = 0; i < rows; i++) places[i] = place_of(out, front->position[left + i]);
-  double *panel = diagonal + 2 * columns;
-  for (int p = 0; p < columns; p++)
-    memcpy(panel + (size_t)p * (size_t)stride + p,
-           front->a + (size_t)(left + p) * (size_t)front->stride + left + p, sizeof(double) * (size_t)(rows - p));
-  out->integers = kinds + columns;
-  out->reals = panel + (size_t)columns * (size_t)stride;
-  return end;
+  slot = front->dense;
+  if (count == 0)
+    for (int j = slot; j < size; j++) memset(column_at(plan, front, j) + j, 0, sizeof(double) * (size_t)(size - j));
+  for (int r = 0; r < count; r++) {
+    const Remainder *from = &handed_on[r];
+    for (int i = 0; i < from->delayed; i++) to[i] = slot++;
+    memcpy(to + from->delayed, from->handed_to, sizeof(int) * (size_t)(from->size - from->delayed));
+    int tail = from->size; /* as long as it ends in the same slots */
+    while (tail > 0 && to[tail - 1] == size - from->size + tail - 1) tail--;
+    if (r == 0)
+      for (int j = front->dense; j < size - from->size + tail; j++)
+        memset(column_at(plan, front, j) + j, 0, sizeof(double) * (size_t)(size - j));
+    add_remainder(plan, front, from, to, tail, r == 0);
+  }
+  for (int e = plan->first_entry[s]; e < plan->first_entry[s + 1]; e++)
+    front->a[plan->target[e]] += values[plan->entry[e]];
+}
+
+/* Eliminate the pairs of stage s, as far as their pivots are acceptable; the others become candidates. The table
+ * receives the places of each one's list and reals. Returns how many were eliminated. */
+static int eliminate_pairs(const Plan *plan, int s, int delayed, Front *front, const int *iw, const double *reals,
+                           int *table, Factors *out) {
+  const int paired = 2 * plan->pairs[s], *list = plan->lists + plan->first_list[s];
+  int k = 0, by_values = delayed > 0, all = 0;
+  for (; k < paired; k += 2) {
+    all |= column_at(plan, front, k + 1)[k + 1] != 0;
+    by_values |= all;
+    if (by_values) list_of_pair(plan, front, k, paired, all, out->integers);
+    const int *rows = by_values ? out->integers : list;
+    table[k] = (int)(rows - iw), table[k + 1] = (int)(out->reals - reals);
+    if (!eliminate_pair(plan, front, k, rows, out)) break;
+    if (by_values)
+      out->integers += length_of_list(rows);
+    else
+      list += length_of_list(list);
+  }
+  if (k < paired) join_candidates(plan, front, k, paired);
+  return k / 2;
+}
+
+/* Eliminate what can be eliminated of the front of stage s, in this chain, and keep the factors. Returns what is left
+ * behind, with the positions of delayed candidates in `waiting`. */
+static Remainder eliminate(const Plan *plan, int s, int chain, int delayed, Front *front, double threshold, int *iw,
+                           double *reals, int *done, double *work, int *waiting, Factors *out) {
+  const int size = plan->size, paired = 2 * plan->pairs[s], gathered = front->dense, last = s == plan->stages - 1;
+  int *header = out->integers;
+  out->integers += STAGE_HEADER + paired;
+  const int pairs = eliminate_pairs(plan, s, delayed, front, iw, reals, header + STAGE_HEADER, out);
+
+  const int candidates = front->limit - front->dense, rows = size - front->dense;
+  int *places = out->integers, *origins = places + size - gathered, *kinds = origins + rows;
+  double *diagonal = out->reals;
+  const Panel panel = {diagonal + 2 * candidates, panel_stride(rows), done};
+  const int left = eliminate_candidates(plan, front, &panel, threshold, last, diagonal, kinds, work, &out->negative);
+  const int columns = left - front->dense, m = size - front->limit;
+  subtract_product(m, columns, column_at(plan, front, front->dense) + front->limit, plan->stride,
+                   panel_column(front, &panel, front->dense) + front->limit, panel.stride,
+                   column_at(plan, front, front->limit) + front->limit, plan->stride);
+
+  for (int i = gathered; i < size; i++) places[i - gathered] = place_of(plan, chain, front->position[i]);
+  memcpy(origins, front->origin + front->dense, sizeof(int) * (size_t)rows);
+  header[PAIRS] = pairs, header[FIRST] = place_of(plan, chain, plan->first[s]), header[PAIRED] = paired;
+  header[GATHERED] = gathered, header[ROWS] = rows, header[COLUMNS] = columns;
+  header[PLACES] = (int)(places - iw), header[ORIGINS] = (int)(origins - iw), header[KINDS] = (int)(kinds - iw);
+  header[DIAGONAL] = (int)(diagonal - reals), header[PANEL] = (int)(panel.panel - reals);
+  out->integers = kinds + candidates;
+  out->reals = panel.panel + (size_t)columns * (size_t)panel.stride;
+
+  for (int i = left; i < front->limit; i++) waiting[i - left] = front->position[front->origin[i]];
+  return (Remainder){front->limit - left, size - left, plan->stride, column_at(plan, front, left) + left, waiting,
+                     plan->boundary + plan->first_boundary[plan->stages] + plan->first_boundary[s]};
+}
+
+/* The zeros that a front begins with: columns of pairs, and below the last slot. */
+static void clear(const Plan *plan, Front *front) {
+  int paired = 0;
+  for (int s = 0; s < plan->stages; s++) paired = 2 * plan->pairs[s] > paired ? 2 * plan->pairs[s] : paired;
+  memset(front->a, 0, sizeof(double) * (size_t)paired * (size_t)plan->stride);
+  for (int j = paired; j < plan->size + TILE_COLUMNS; j++)
+    memset(column_at(plan, front, j) + plan->size, 0, sizeof(double) * (size_t)(plan->stride - plan->size));
 }
 
 /* A factorisation under way: what its threads share. */
 typedef struct {
   const Plan *plan;
-  Space space;
   int room;
   double threshold, *a;
-  int *iw, *table;
+  int *iw, *table; /* where each stage's factors may begin, integers and reals */
   double *thread_reals, *remainder_reals;
   int *thread_integers, *remainder_integers;
+  Remainder *remainders; /* of all chains but the trunk */
+  int largest_remainder;
   atomic_int negative, crowded, singular;
 } Factorisation;
 
-static Remainder kept_remainder(const Factorisation *f, int chain) {
-  int *integers = f->remainder_integers + (size_t)chain * (size_t)remainder_integers(f->space.remainder);
-  double *reals = f->remainder_reals + (size_t)chain * (size_t)remainder_reals(f->space.remainder);
-  return (Remainder){{integers[SIZE], integers[CANDIDATES], integers[SIZE], reals, integers + REMAINDER_HEADER}, 0};
+/* Copy what the last stage of a chain left to where it may wait for the trunk. */
+static void keep_remainder(Factorisation *f, int chain, const Remainder *from) {
+  double *a = f->remainder_reals + (size_t)chain * (size_t)f->largest_remainder * (size_t)f->largest_remainder;
+  int *position = f->remainder_integers + (size_t)chain * (size_t)f->largest_remainder;
+  const size_t size = (size_t)from->size;
+  for (size_t j = 0; j < size; j++)
+    memcpy(a + j * size + j, from->a + j * (size_t)from->stride + j, sizeof(double) * (size - j));
+  memcpy(position, from->position, sizeof(int) * (size_t)from->delayed);
+  f->remainders[chain] = *from;
+  f->remainders[chain].stride = from->size, f->remainders[chain].a = a, f->remainders[chain].position = position;
 }
 
-static void keep_remainder(const Factorisation *f, int chain, const Remainder *left) {
-  int *integers = f->remainder_integers + (size_t)chain * (size_t)remainder_integers(f->space.remainder);
-  const int begin = left->begin, size = left->front.size - begin;
-  integers[SIZE] = size, integers[CANDIDATES] = left->front.candidates - begin;
-  memcpy(integers + REMAINDER_HEADER, left->front.position + begin, sizeof(int) * (size_t)size);
-  const Remainder kept = kept_remainder(f, chain);
-  for (int j = 0; j < size; j++)
-    memcpy(kept.front.a + (size_t)j * (size_t)size + j,
-           left->front.a + (size_t)(begin + j) * (size_t)left->front.stride + begin + j,
-           sizeof(double) * (size_t)(size - j));
-}
-
-/* Eliminate the stages of a chain, its first one with `count` remainders `left` by others. */
-static void eliminate_chain(Factorisation *f, int chain, int thread, const Remainder *left, int count) {
+/* Eliminate the stages of a chain, its first one with `count` remainders handed on by others. */
+static void eliminate_chain(Factorisation *f, int chain, int thread, const Remainder *handed_on, int count) {
   const Plan *plan = f->plan;
-  const int front_size = f->space.front, is_trunk = chain == plan->chains - 1;
-  double *fronts = f->thread_reals + (size_t)thread * (size_t)thread_reals(&f->space);
-  double *work = fronts + 2 * front_reals(front_size);
-  int *slot = f->thread_integers + (size_t)thread * (size_t)thread_integers(plan, &f->space);
-  int *lists = slot + plan->n, *slots = lists + 2 * front_size;
-  const int trunk = trunk_position(plan), first = plan->chain[chain], end = chain_end(plan, chain);
-  Factors out = {f->iw + f->table[2 * first], f->a + f->table[2 * first + 1], 0, plan, chain, trunk,
-                 own_places(plan, chain) - plan->first[first], trunk_places(plan, chain) - trunk};
-
-  Remainder before;
-  for (int s = first; s < end; s++) {
+  const int first = plan->chain[chain], size = plan->size, is_trunk = chain == plan->chains - 1;
+  double *reals = f->thread_reals + (size_t)thread * (size_t)thread_reals(plan);
+  double *work = reals + 2 * front_reals(plan);
+  int *integers = f->thread_integers + (size_t)thread * (size_t)thread_integers(plan);
+  int *to = integers + 6 * size, *done = to + size;
+  Factors out = {f->iw + f->table[2 * first], f->a + f->table[2 * first + 1], 0};
+  Front fronts[2];
+  for (int i = 0; i < 2; i++) {
+    fronts[i] = (Front){0, 0, reals + i * front_reals(plan), integers + i * size, integers + (2 + i) * size};
+    clear(plan, &fronts[i]);
+  }
+  Remainder left = {0};
+  for (int s = first; s < chain_end(plan, chain); s++) {
+    Front *front = &fronts[s % 2];
     int delayed = 0;
-    for (int r = 0; r < count; r++) delayed += left[r].front.candidates - left[r].begin;
+    for (int r = 0; r < count; r++) delayed += handed_on[r].delayed;
     if (delayed > f->room) {
       f->crowded = 1;
       return;
     }
-    Front front = {0, 0, 0, fronts + (s % 2) * front_reals(front_size), lists + (s % 2) * front_size};
-    assemble(&front, plan, s, f->a, left, count, slot);
-    f->table[2 * s] = (int)(out.integers - f->iw), f->table[2 * s + 1] = (int)(out.reals - f->a);
-    const int last = is_trunk && s == end - 1;
-    const int begin = eliminate(&front, plan->first[s], plan->pairs[s], f->threshold, last, &out, work, slots);
-    if (last && begin < front.candidates) f->singular = 1;
-    before = (Remainder){front, begin}, left = &before, count = 1;
+    assemble(plan, s, f->a, front, handed_on, count, to);
+    f->table[2 * s] = (int)(out.integers - f->iw);
+    left = eliminate(plan, s, chain, delayed, front, f->threshold, f->iw, f->a, done, work,
+                     integers + (4 + s % 2) * size, &out);
+    handed_on = &left, count = 1;
   }
   f->negative += out.negative;
-  if (!is_trunk) keep_remainder(f, chain, left);
+  if (!is_trunk)
+    keep_remainder(f, chain, &left);
+  else if (left.delayed > 0)
+    f->singular = 1;
 }
 
 static void eliminate_branch(void *context, int chain, int thread) { eliminate_chain(context, chain, thread, NULL, 0); }
 
-/* Factorise the matrix whose entries `a` begins with. Returns 0 or one of the failures; `*needed` is the space that
- * the ones for want of space ask for. */
-static int factorise(const Plan *plan, int boundaries, double threshold, int threads, double *a, int real_space,
-                     int *iw, int integer_space, int *negative, int *needed) {
-  int room = DELAYED_ROOM;
-  Space space = space_for(plan, boundaries, room, threads);
-  for (;;) {
-    const Space more = space_for(plan, boundaries, 2 * room, threads);
-    if (more.reals > real_space || more.integers > integer_space) break;
-    space = more, room *= 2;
-  }
-  if (space.reals > real_space) return *needed = space.reals, NO_REAL_SPACE;
-  if (space.integers > integer_space) return *needed = space.integers, NO_INTEGER_SPACE;
-
+/* Factorise the matrix whose entries `a` begins with; the plan lies in `iw` behind the header and takes `planned`
+ * integers. Returns 0 or one of the failures. */
+static int factorise(const Plan *plan, int planned, int room, double threshold, int threads, double *a, int *iw,
+                     int *negative) {
+  const Space space = space_for(plan, planned, room, threads);
   const int branches = plan->chains - 1;
-  Factorisation f = {.plan = plan, .space = space, .room = room, .threshold = threshold, .a = a, .iw = iw};
+  Factorisation f = {.plan = plan, .room = room, .threshold = threshold, .a = a, .iw = iw};
+  f.largest_remainder = space.remainder;
   f.thread_reals = a + plan->nz;
-  f.remainder_reals = f.thread_reals + (size_t)space.threads * (size_t)thread_reals(&space);
-  f.thread_integers = iw + HEADER + plan_integers(plan) + boundaries;
-  f.remainder_integers = f.thread_integers + (size_t)space.threads * (size_t)thread_integers(plan, &space);
-  f.table = f.remainder_integers + (size_t)branches * (size_t)remainder_integers(space.remainder);
+  f.remainder_reals = f.thread_reals + (size_t)space.threads * (size_t)thread_reals(plan);
+  f.thread_integers = iw + HEADER + planned;
+  f.remainder_integers = f.thread_integers + (size_t)space.threads * (size_t)thread_integers(plan);
+  f.table = f.remainder_integers + branches * space.remainder;
   iw[STAGE_COUNT] = plan->stages, iw[CHAIN_COUNT] = plan->chains, iw[THREADS] = threads;
-  iw[TABLE] = (int)(f.table - iw), iw[FRONT] = space.front;
+  iw[TABLE] = (int)(f.table - iw), iw[SIZE] = plan->size;
   /* Every chain's factors have their room from the start. */
   int integers = iw[TABLE] + 2 * plan->stages;
-  int reals = (int)(f.remainder_reals - a) + branches * remainder_reals(space.remainder);
+  int reals = (int)(f.remainder_reals - a) + branches * space.remainder * space.remainder;
   for (int s = 0; s < plan->stages; s++) {
     const Space stage = stage_space(plan, s, room);
     f.table[2 * s] = integers, f.table[2 * s + 1] = reals;
     integers += stage.integers, reals += stage.reals;
   }
 
-  Remainder *left = malloc(sizeof(Remainder) * (size_t)plan->chains);
-  if (!left) return SINGULAR;
+  f.remainders = malloc(sizeof(Remainder) * (size_t)plan->chains);
+  if (!f.remainders) return SINGULAR;
   for_each(branches, space.threads, eliminate_branch, &f);
-  for (int c = 0; c < branches && !f.crowded; c++) left[c] = kept_remainder(&f, c);
-  if (!f.crowded) eliminate_chain(&f, branches, 0, left, branches);
-  free(left);
+  if (!f.crowded) eliminate_chain(&f, branches, 0, f.remainders, branches);
+  free(f.remainders);
   *negative = f.negative;
-  if (f.crowded) return *needed = space_for(plan, boundaries, 2 * room, threads).reals, NO_REAL_SPACE;
-  return f.singular ? SINGULAR : 0;
+  return f.crowded ? NO_REAL_SPACE : f.singular ? SINGULAR : 0;
 }
 
-/* A solve under way: x by place, and for each thread a `local` of one front. */
+/* ---- the solution ----
+ *
+ * x goes by place, `local` by the slots of a stage, `dense` by the rows of its panel. */
+
+/* A solve under way; every thread has its own `local` and `dense`. */
 typedef struct {
   const Plan *plan;
   const int *iw;
   const double *a, *rhs;
-  double *x, *local;
+  double *x, *locals;
 } Solve;
+
+static int local_reals(const int *iw) { return 2 * column_stride(iw[SIZE]); }
+
+/* Where the factors of a stage are. */
+typedef struct {
+  const int *header, *table, *places, *origins, *kinds;
+  const double *diagonal, *panel;
+  int stride, size;
+} Stage;
+
+static Stage stage_at(const Solve *solve, int s) {
+  const int *iw = solve->iw, *header = iw + iw[iw[TABLE] + 2 * s];
+  return (Stage){header, header + STAGE_HEADER, iw + header[PLACES], iw + header[ORIGINS], iw + header[KINDS],
+                 solve->a + header[DIAGONAL], solve->a + header[PANEL], panel_stride(header[ROWS]), iw[SIZE]};
+}
+
+static void gather(const Stage *stage, const double *x, double *local) {
+  const int *header = stage->header, *places = stage->places - header[GATHERED];
+  memcpy(local, x + header[FIRST], sizeof(double) * (size_t)header[PAIRED]);
+  for (int i = header[GATHERED]; i < stage->size; i++) local[i] = x[places[i]];
+}
+
+static void scatter(const Stage *stage, const double *local, double *x) {
+  const int *header = stage->header, *places = stage->places - header[GATHERED];
+  memcpy(x + header[FIRST], local, sizeof(double) * (size_t)header[PAIRED]);
+  for (int i = header[GATHERED]; i < stage->size; i++) x[places[i]] = local[i];
+}
 
 /* Forward through the stages of a chain: x loses what the eliminated unknowns carry. */
 static void solve_forward(const Solve *solve, int chain, double *local) {
-  const int *iw = solve->iw;
-  double *x = solve->x;
+  double *dense = local + column_stride(solve->iw[SIZE]);
   for (int s = solve->plan->chain[chain]; s < chain_end(solve->plan, chain); s++) {
-    const int *integers = iw + iw[iw[TABLE] + 2 * s], *table = integers + STAGE_HEADER;
-    const double *reals = solve->a + iw[iw[TABLE] + 2 * s + 1];
-    const int rows = integers[ROWS], columns = integers[COLUMNS], stride = padded(rows);
-    const int *places = integers + integers[PLACES];
-    const double *panel = reals + integers[DIAGONAL] + 2 * columns;
-    for (int k = 0; k < integers[PAIRS]; k++) {
-      const int *record = integers + table[2 * k], count = record[0], *where = record + 1;
-      const double *pivot = reals + table[2 * k + 1], *b = pivot + 3, *c = b + count;
-      const double *y = x + integers[FIRST] + 2 * k;
-      const double u = pivot[0] * y[0] + pivot[1] * y[1], v = pivot[1] * y[0] + pivot[2] * y[1];
-      for (int t = 0; t < count; t++) x[where[t]] -= b[t] * u + c[t] * v;
+    const Stage stage = stage_at(solve, s);
+    const int rows = stage.header[ROWS], columns = stage.header[COLUMNS];
+    gather(&stage, solve->x, local);
+    for (int k = 0; k < 2 * stage.header[PAIRS]; k += 2) {
+      const int *list = solve->iw + stage.table[k], count = list[ROWS_OF_BOTH], *slots = list + LIST_HEADER;
+      const double *pivot = solve->a + stage.table[k + 1], *b = pivot + 3, *c = b + count;
+      const double u = pivot[0] * local[k] + pivot[1] * local[k + 1], v = pivot[1] * local[k] + pivot[2] * local[k + 1];
+      for (int t = 0; t < count; t++) local[slots[t]] -= b[t] * u + c[t] * v;
     }
-    for (int i = 0; i < rows; i++) local[i] = x[places[i]];
-    for (int p = 0; p < columns; p++, panel += stride) subtract(local + p + 1, local[p], panel + p + 1, rows - p - 1);
-    for (int i = 0; i < rows; i++) x[places[i]] = local[i];
+    for (int i = 0; i < rows; i++) dense[i] = local[stage.origins[i]];
+    for (int p = 0; p < columns; p++) {
+      const int from = p / LANES * LANES; /* the panel is zero from there to its diagonal */
+      subtract(dense + from, dense[p], stage.panel + (size_t)p * (size_t)stage.stride + from, padded(rows) - from);
+    }
+    for (int i = 0; i < rows; i++) local[stage.origins[i]] = dense[i];
+    scatter(&stage, local, solve->x);
   }
 }
 
 /* Backward: x becomes the solution. */
 static void solve_backward(const Solve *solve, int chain, double *local) {
-  const int *iw = solve->iw;
-  double *x = solve->x;
+  double *dense = local + column_stride(solve->iw[SIZE]);
   for (int s = chain_end(solve->plan, chain) - 1; s >= solve->plan->chain[chain]; s--) {
-    const int *integers = iw + iw[iw[TABLE] + 2 * s], *table = integers + STAGE_HEADER;
-    const double *reals = solve->a + iw[iw[TABLE] + 2 * s + 1];
-    const int pairs = integers[PAIRS], rows = integers[ROWS], columns = integers[COLUMNS], stride = padded(rows);
-    const int *places = integers + integers[PLACES];
-    const double *diagonal = reals + integers[DIAGONAL];
-    const int *kinds = places + rows;
-    const double *panel = diagonal + 2 * columns;
-    for (int i = 0; i < rows; i++) local[i] = x[places[i]];
+    const Stage stage = stage_at(solve, s);
+    const int rows = stage.header[ROWS], columns = stage.header[COLUMNS];
+    gather(&stage, solve->x, local);
+    for (int i = 0; i < rows; i++) dense[i] = local[stage.origins[i]];
     for (int p = 0; p < columns; p++) {
-      if (kinds[p] == 1) {
-        local[p] *= diagonal[2 * p];
-        continue;
-      }
-      const double u = local[p], v = local[p + 1];
-      local[p] = diagonal[2 * p] * u + diagonal[2 * p + 1] * v;
-      local[p + 1] = diagonal[2 * p + 1] * u + diagonal[2 * p + 2] * v;
-      p++;
+      const double *D = stage.diagonal + 2 * p, u = dense[p], v = dense[p + 1];
+      dense[p] = D[0] * u;
+      if (stage.kinds[p] == 1) continue;
+      dense[p] += D[1] * v;
+      dense[++p] = D[1] * u + D[2] * v;
     }
-    for (int p = columns - 1; p >= 0; p--)
-      local[p] -= dot(local + p + 1, panel + (size_t)p * (size_t)stride + p + 1, rows - p - 1);
-    for (int i = 0; i < columns; i++) x[places[i]] = local[i];
-    for (int k = pairs - 1; k >= 0; k--) {
-      const int *record = integers + table[2 * k], count = record[0], *where = record + 1;
-      const double *pivot = reals + table[2 * k + 1], *b = pivot + 3, *c = b + count;
-      double *y = x + integers[FIRST] + 2 * k, u = y[0], v = y[1];
-      for (int t = 0; t < count; t++) u -= b[t] * x[where[t]], v -= c[t] * x[where[t]];
-      y[0] = pivot[0] * u + pivot[1] * v;
-      y[1] = pivot[1] * u + pivot[2] * v;
+    for (int p = columns - 1; p >= 0; p--) {
+      const int from = p / LANES * LANES;
+      dense[p] -= dot(dense + from, stage.panel + (size_t)p * (size_t)stage.stride + from, padded(rows) - from);
     }
+    for (int i = 0; i < columns; i++) local[stage.origins[i]] = dense[i];
+    for (int k = 2 * stage.header[PAIRS] - 2; k >= 0; k -= 2) {
+      const int *list = solve->iw + stage.table[k], count = list[ROWS_OF_BOTH], *slots = list + LIST_HEADER;
+      const double *pivot = solve->a + stage.table[k + 1], *b = pivot + 3, *c = b + count;
+      double u = local[k], v = local[k + 1];
+      for (int t = 0; t < count; t++) u -= b[t] * local[slots[t]], v -= c[t] * local[slots[t]];
+      local[k] = pivot[0] * u + pivot[1] * v;
+      local[k + 1] = pivot[1] * u + pivot[2] * v;
+    }
+    scatter(&stage, local, solve->x);
   }
+}
+
+static double *local_of(const Solve *solve, int thread) {
+  return solve->locals + (size_t)thread * (size_t)local_reals(solve->iw);
 }
 
 static void load(const Solve *solve, int chain) {
@@ -881,7 +1065,7 @@ static void forward_branch(void *context, int chain, int thread) {
   const int trunk_size = solve->plan->n - trunk_position(solve->plan);
   load(solve, chain);
   memset(solve->x + trunk_places(solve->plan, chain), 0, sizeof(double) * (size_t)trunk_size);
-  solve_forward(solve, chain, solve->local + (size_t)thread * (size_t)solve->iw[FRONT]);
+  solve_forward(solve, chain, local_of(solve, thread));
 }
 
 static void backward_branch(void *context, int chain, int thread) {
@@ -890,14 +1074,15 @@ static void backward_branch(void *context, int chain, int thread) {
   const int trunk_size = plan->n - trunk_position(plan);
   memcpy(solve->x + trunk_places(plan, chain), solve->x + own_places(plan, plan->chains - 1),
          sizeof(double) * (size_t)trunk_size);
-  solve_backward(solve, chain, solve->local + (size_t)thread * (size_t)solve->iw[FRONT]);
+  solve_backward(solve, chain, local_of(solve, thread));
 }
 
-/* Solve with the factors; `w` has room for x and the threads' fronts. */
+/* Solve with the factors; `w` has room for x and the threads' locals. */
 static void solve_all(int n, const int *iw, const double *a, double *rhs, double *w) {
   const Plan bare = bare_plan(n, 0, iw[STAGE_COUNT], iw[CHAIN_COUNT], iw + HEADER), *plan = &bare;
   const int threads = iw[THREADS];
   Solve solve = {plan, iw, a, rhs, w, w + all_places(plan)};
+  memset(solve.locals, 0, sizeof(double) * (size_t)threads * (size_t)local_reals(iw));
   const int branches = plan->chains - 1, trunk = trunk_position(plan);
   double *x = w + own_places(plan, branches);
   for_each(branches, threads, forward_branch, &solve);
@@ -906,8 +1091,8 @@ static void solve_all(int n, const int *iw, const double *a, double *rhs, double
     const double *taken = w + trunk_places(plan, c);
     for (int i = 0; i < plan->n - trunk; i++) x[i] += taken[i];
   }
-  solve_forward(&solve, branches, solve.local);
-  solve_backward(&solve, branches, solve.local);
+  solve_forward(&solve, branches, solve.locals);
+  solve_backward(&solve, branches, solve.locals);
   for_each(branches, threads, backward_branch, &solve);
   for (int c = 0; c < plan->chains; c++) {
     const int first = plan->first[plan->chain[c]], end = plan->first[chain_end(plan, c)];
@@ -918,11 +1103,11 @@ static void solve_all(int n, const int *iw, const double *a, double *rhs, double
 
 /* ---- the calling sequence of MA27 ----
  *
- * IKEEP (3n integers) carries the order of elimination from the analysis to the factorisations, PLANNED, BOUNDARIES and
- * the counts in front of it. `iw` and `a` are allocated in between, so the plan is made again by the first
- * factorisation and kept in `iw`. */
+ * IKEEP (3n integers) carries the order of elimination from the analysis to the factorisations, with what else there is
+ * to know in front of it. `iw` and `a` are allocated in between, so the plan is made again by the first factorisation
+ * and kept in `iw`. */
 
-enum { PLANNED = FRONT + 1, BOUNDARIES, KEPT };
+enum { PLANNED = THREADS + 1, ROOM, PLAN_LENGTH, KEPT };
 
 static Plan kept_plan(int n, int nz, const int *ikeep) {
   return bare_plan(n, nz, ikeep[STAGE_COUNT], ikeep[CHAIN_COUNT], ikeep + KEPT);
@@ -936,7 +1121,7 @@ void ma27id_(int *icntl, double *cntl) {
 /* Analysis: nothing but the sizes of the arrays that the factorisation needs (INFO(5) reals, INFO(6) integers). */
 void ma27ad_(int *n, int *nz, const int *irn, const int *icn, int *iw, int *liw, int *ikeep, int *iw1, int *nsteps,
              int *iflag, int *icntl, double *cntl, int *info, double *ops) {
-  (void)iw, (void)liw, (void)iflag, (void)icntl, (void)cntl;
+  (void)iw, (void)liw, (void)iw1, (void)iflag, (void)icntl, (void)cntl;
   memset(info, 0, 20 * sizeof(int));
   *nsteps = 1, *ops = 0;
   const int kept = handed_size(*n, handed.stages, handed.chains);
@@ -948,47 +1133,59 @@ void ma27ad_(int *n, int *nz, const int *irn, const int *icn, int *iw, int *liw,
   ikeep[PLANNED] = 0, ikeep[STAGE_COUNT] = handed.stages, ikeep[CHAIN_COUNT] = handed.chains;
   ikeep[THREADS] = handed.threads;
   memcpy(ikeep + KEPT, handed.order, sizeof(int) * (size_t)kept);
-  /* Room for boundaries: every stage may reach all that follows, but rarely does. */
-  Plan plan = kept_plan(*n, *nz, ikeep);
-  for (int most = 200 * handed.stages;; most *= 2) {
-    const int size = plan_integers(&plan) + most;
-    int *room = malloc(sizeof(int) * (size_t)size);
-    if (!room) {
-      info[0] = NO_INTEGER_SPACE;
-      return;
-    }
-    plan = kept_plan(*n, *nz, ikeep);
-    ikeep[BOUNDARIES] = make_plan(&plan, irn, icn, room, size, iw1);
-    const int fits = ikeep[BOUNDARIES] <= most;
-    if (fits) {
-      const Space space = space_for(&plan, ikeep[BOUNDARIES], DELAYED_ROOM, handed.threads);
+  int length = TOO_SMALL;
+  for (int most = 4 * (*n + *nz); length == TOO_SMALL; most *= 2) {
+    Plan plan = kept_plan(*n, *nz, ikeep);
+    int *room = malloc(sizeof(int) * (size_t)most);
+    length = room ? make_plan(&plan, irn, icn, DELAYED_ROOM, room, most) : NO_MEMORY;
+    if (length >= 0) {
+      ikeep[PLAN_LENGTH] = length + *n; /* it may say that it is too small for want of so much */
+      const Space space = space_for(&plan, ikeep[PLAN_LENGTH], DELAYED_ROOM, handed.threads);
       info[4] = space.reals, info[5] = space.integers;
     }
     free(room);
-    if (fits) return;
   }
+  if (length == NO_MEMORY) info[0] = NO_INTEGER_SPACE;
+}
+
+/* Make the plan in `iw`, with as much room for delayed candidates as the caller's arrays have. Returns 0, or which
+ * array is too small, and in `*needed` the size that it should have. */
+static int plan_for(Plan *plan, const int *irn, const int *icn, int *ikeep, int real_space, int *iw, int integer_space,
+                    int *needed) {
+  const Plan bare = *plan;
+  const int planned = ikeep[PLAN_LENGTH], threads = ikeep[THREADS];
+  int room = DELAYED_ROOM;
+  if (HEADER + planned > integer_space) return *needed = 2 * (HEADER + planned), NO_INTEGER_SPACE;
+  if (make_plan(plan, irn, icn, room, iw + HEADER, planned) < 0) return NO_INTEGER_SPACE;
+  Space space = space_for(plan, planned, room, threads);
+  for (;;) {
+    const Space more = space_for(plan, planned, 2 * room, threads);
+    if (more.reals > real_space || more.integers > integer_space) break;
+    space = more, room *= 2;
+  }
+  if (space.reals > real_space) return *needed = space.reals, NO_REAL_SPACE;
+  if (space.integers > integer_space) return *needed = space.integers, NO_INTEGER_SPACE;
+  *plan = bare;
+  if (room > DELAYED_ROOM) make_plan(plan, irn, icn, room, iw + HEADER, planned);
+  ikeep[ROOM] = room;
+  return 0;
 }
 
 /* Factorisation: INFO(1) as MA27 says it, INFO(15) the number of negative eigenvalues. */
 void ma27bd_(int *n, int *nz, const int *irn, const int *icn, double *a, int *la, int *iw, int *liw, int *ikeep,
              int *nsteps, int *maxfrt, int *iw1, int *icntl, double *cntl, int *info) {
-  (void)nsteps, (void)icntl;
+  (void)nsteps, (void)iw1, (void)icntl;
   memset(info, 0, 20 * sizeof(int));
   Plan plan = kept_plan(*n, *nz, ikeep);
-  const int planned = plan_integers(&plan) + ikeep[BOUNDARIES];
-  if (HEADER + planned > *liw) {
-    info[0] = NO_INTEGER_SPACE, info[1] = 2 * (HEADER + planned);
-    return;
-  }
-  if (ikeep[PLANNED])
-    lay_out(&plan, iw + HEADER);
-  else
-    make_plan(&plan, irn, icn, iw + HEADER, planned, iw1);
-  ikeep[PLANNED] = 1;
-  info[0] = factorise(&plan, ikeep[BOUNDARIES], cntl[0], ikeep[THREADS], a, *la, iw, *liw, &info[14], &info[1]);
-  /* Both arrays are allocated anew then, and the plan is lost with them. */
-  if (info[0] == NO_REAL_SPACE || info[0] == NO_INTEGER_SPACE) ikeep[PLANNED] = 0;
-  *maxfrt = all_places(&plan) + ikeep[THREADS] * iw[FRONT];
+  if (!ikeep[PLANNED]) info[0] = plan_for(&plan, irn, icn, ikeep, *la, iw, *liw, &info[1]);
+  if (info[0]) return;
+  lay_out(&plan, iw + HEADER);
+  set_size(&plan, ikeep[ROOM]);
+  plan.lists = plan.boundary + 2 * plan.first_boundary[plan.stages];
+  info[0] = factorise(&plan, ikeep[PLAN_LENGTH], ikeep[ROOM], cntl[0], ikeep[THREADS], a, iw, &info[14]);
+  if (info[0] == NO_REAL_SPACE) info[1] = space_for(&plan, ikeep[PLAN_LENGTH], 2 * ikeep[ROOM], ikeep[THREADS]).reals;
+  ikeep[PLANNED] = info[0] != NO_REAL_SPACE; /* else both arrays are allocated anew, and the plan is lost with them */
+  *maxfrt = all_places(&plan) + ikeep[THREADS] * local_reals(iw);
 }
 
 void ma27cd_(int *n, double *a, int *la, int *iw, int *liw, double *w, int *maxfrt, double *rhs, int *iw1,

@@ -38,6 +38,11 @@ class VoltageLaw:
             np.einsum("mk,wkn->wmn", powers, self.voltage_q),
         )
 
+    def within(self, interval: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Voltages (d, q) [V] in intervals (k,) at shares of their lengths (k, m) -> (k, m, n) each."""
+        powers = share[:, :, None] ** np.arange(self.voltage_d.shape[1])
+        return powers @ self.voltage_d[interval], powers @ self.voltage_q[interval]
+
 
 @dataclass(frozen=True)
 class Path:

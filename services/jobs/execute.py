@@ -11,6 +11,7 @@ import numpy as np
 
 from services.codesign.accuracy import solve_accurately
 from services.codesign.certify import Certificate, certify
+from services.codesign.limits import binding, limit_slopes
 from services.codesign.measures import Load, Measures
 from services.codesign.problem import Accuracy, Problem
 from services.codesign.reconcile import mean_design, project_design
@@ -22,6 +23,7 @@ from services.jobs.certificates import certificate_wire, energies_wire, finite, 
 from services.jobs.design_wire import design_mm, design_wire
 from services.jobs.find_shared_optimum import find_shared_optimum
 from services.jobs.finish import Outcome
+from services.jobs.limit_costs import limits_wire
 from services.jobs.work import Work
 from shared.domain import JobState, Stage
 
@@ -82,6 +84,9 @@ def _failed(solution: Solution) -> Outcome:
 def _solved(work: Work, solution: Solution, certificate: Certificate, wire: dict[str, Any]) -> Outcome:
     assert solution.measures is not None
     assert solution.design is not None
+    assert solution.objective is not None
+    assert solution.lam_x is not None
+    assert solution.lam_g is not None
     summary = _how(solution) | _measures(solution.measures)
     if certificate.energies is not None:
         summary |= energies_wire(certificate.energies)
@@ -92,6 +97,8 @@ def _solved(work: Work, solution: Solution, certificate: Certificate, wire: dict
     if objective.kind == "weighted":
         summary["references"] = {"time_s": objective.time_reference, "energy_V2s": objective.effort_reference}
     summary["objective"] = solution.objective
+    slopes = limit_slopes(solution.problem, solution.lam_x, solution.lam_g)
+    summary["limits"] = limits_wire(binding(slopes, solution.objective))
     summary["design_mm"] = design_mm(solution.design)
     return Outcome(JobState.SUCCEEDED, None, solution.objective, summary, pack(solution, certificate.law))
 

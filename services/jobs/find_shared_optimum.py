@@ -11,6 +11,7 @@ from services.codesign.solver import STOPPED, Progress, SolverOptions
 from services.jobs.certificates import finite
 from services.jobs.design_wire import design_wire
 from services.jobs.finish import Outcome
+from services.jobs.limit_costs import limits_wire
 from services.jobs.resolved import SHARED
 from services.jobs.work import SharedInputs, Work
 from shared.domain import JobState
@@ -44,6 +45,7 @@ def find_shared_optimum(work: Work, options: SolverOptions, progress: Progress) 
             for k, share in zip(inputs.tasks, decide, strict=bool(decide))
             if share > LEAST_SHARE
         ],
+        "limits": limits_wire(found.design_limits if better else {}),
         "kkt_residual": finite(found.optimality.kkt_residual),
         "constraint_violation": finite(found.optimality.constraint_violation),
     }

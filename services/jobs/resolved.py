@@ -71,6 +71,15 @@ class ResolvedApplication(Strict):
         share = self.objective.over_tasks.worst_share
         return over_tasks(list(objectives.values()), weights, share) if objectives else math.inf
 
+    def shares_of_tasks(self, objectives: Mapping[int, float], deciding: Mapping[int, float]) -> dict[int, float]:
+        """How much what a design is judged by changes with each task's objective.
+
+        `deciding`: shares of the tasks in the worst one's objective, where they are known; else the worst has all.
+        """
+        deciding = deciding or {max(objectives, key=lambda k: objectives[k]): 1.0}
+        worst, total = self.objective.over_tasks.worst_share, sum(self.tasks[k].weight for k in objectives)
+        return {k: (1 - worst) * self.tasks[k].weight + worst * total * deciding.get(k, 0.0) for k in objectives}
+
     def build_robot(self) -> Robot:
         """The arm."""
         return Robot.from_wire(self.robot)

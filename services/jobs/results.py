@@ -13,6 +13,7 @@ from services.codesign.motor_data import DIMENSIONS
 from services.codesign.voltage_law import VoltageLaw
 from services.jobs.arrays import POINT, unpack, unpack_law, unpack_motion
 from services.jobs.design_wire import design_mm
+from services.jobs.limit_costs import limit_costs
 from services.jobs.resolved import ResolvedApplication
 from services.jobs.store import MOTION_STAGES, results_of
 from services.jobs.views import NotFoundError, load, objective_unit, require_task
@@ -107,6 +108,11 @@ def comparison(engine: Engine, application_id: str) -> wire.ComparisonAnswer:
             name: wire.Regret(total=sums.total_regret[name], per_task=[sums.regret[name][k] for k in sums.counted])
             for name in values
         },
+        limits={
+            name: _limits(resolved, {k: results[k] for k in sums.counted}, shared.get(name, {}))
+            for name, results in present.items()
+            if sums.counted
+        },
         missing={
             method: "has a design, but no motion yet" if method in shared else "has no design"
             for method in resolved.methods
@@ -140,6 +146,15 @@ def _totals(
         per_task=[{name: summary[name] for name in MEASURES} for summary in summaries],
         design_mm=design_mm,
     )
+
+
+def _limits(
+    resolved: ResolvedApplication, results: dict[int, dict[str, Any]], stored: dict[str, Any]
+) -> list[wire.LimitCost]:
+    deciding = {task["index"]: task["share"] for task in stored.get("deciding_tasks") or []}
+    shares = resolved.shares_of_tasks({k: summary["objective"] for k, summary in results.items()}, deciding)
+    motions = {k: summary.get("limits", []) for k, summary in results.items()}
+    return limit_costs(motions, shares, stored.get("limits") or [])
 
 
 def log(engine: Engine, application_id: str, task: int, method: str | None) -> wire.SolverLog:

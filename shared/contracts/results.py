@@ -215,6 +215,16 @@ class Certificate(BaseModel):
     input_hash: str | None = Field(None, description="SHA-256 of robot, task, motor, objective, transcription, design")
 
 
+class Limit(BaseModel):
+    """A limit that holds a motion back, and by how much: a multiplier in the units of the limit."""
+
+    name: str = Field(description="as in a request: current_limit_A, bounds_mm.L.high, ...")
+    value: float
+    unit: str
+    slope: float = Field(description="change of the objective per unit of the limit, for a small change")
+    span: float = Field(description="what a share of the limit is taken of: its size, or a joint's range")
+
+
 class MotionResult(BaseModel):
     """What a motion costs and how hard it works the motors; lists are over the joints."""
 
@@ -230,6 +240,7 @@ class MotionResult(BaseModel):
         None, description="of the trajectory's grid points alone: a largest value there over this is its limit"
     )
     certificate: Certificate
+    limits: list[Limit] = Field([], description="those that hold the objective back; with free motors, theirs too")
     design_mm: list[list[float]] = Field(description="one row a motor: L, R_ro, R_so, h_m, h_sy, w_tooth, b_0")
     solver_status: str
     iterations: int
@@ -297,6 +308,9 @@ class SharedDesign(BaseModel):
     deciding_tasks: list[DecidingTask] | None = Field(
         None, description="shared_optimum over the worst task: the tasks that decide, from their multipliers"
     )
+    limits: list[Limit] | None = Field(
+        None, description="shared_optimum: the motors' limits that hold back what the design is judged by"
+    )
     distance: float | None = Field(None, description="Problem 2: sum of squared relative differences to the mean")
 
 
@@ -331,6 +345,22 @@ class Regret(BaseModel):
     per_task: list[float | None] = Field(description="in the order of `tasks_compared`")
 
 
+class LimitCost(BaseModel):
+    """What relaxing one limit a little would bring, over the tasks compared.
+
+    For `own` and `shared_optimum` motors and motions adapt; for the other methods the motions alone.
+    """
+
+    name: str = Field(description="as in a request: current_limit_A, bounds_mm.L.high, ...")
+    value: float | None = Field(description="null where the tasks' values differ")
+    unit: str = Field(description="of the limit")
+    relax: Literal["raise", "lower"]
+    gain_per_unit: float = Field(description="what the design is judged by falls by this per unit of the limit")
+    gain_per_percent: float = Field(description="and this for one percent of the limit, or of a joint's range")
+    tasks: list[int] = Field(description="tasks whose motion it holds back; for `own`, or whose motors")
+    of_the_design: bool = Field(description="it holds back the motors that the tasks share")
+
+
 class ComparisonAnswer(BaseModel):
     """Methods side by side; `own` is each task with its own design, a bound for the others."""
 
@@ -342,6 +372,9 @@ class ComparisonAnswer(BaseModel):
     grid: GridRequest | None
     methods: dict[str, MethodTotals]
     regret: dict[str, Regret]
+    limits: dict[str, list[LimitCost]] = Field(
+        {}, description="by method, the limits that bind, the most rewarding first"
+    )
     missing: dict[str, str] = Field(description="methods that have no result, and why")
 
 

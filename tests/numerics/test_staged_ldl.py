@@ -101,6 +101,20 @@ def test_chains_that_meet_in_the_trunk(sizes, chains, threads):
     check(order_of(sizes, chains=chains), sum(sizes), entries, threads)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_pairs_in_chains_and_in_the_trunk_that_they_reach(seed):
+    """What chains leave behind fills the columns of the trunk's pairs, and some pairs are no pivots there or here."""
+    rng = np.random.default_rng(seed)
+    sizes, pairs, chains = [8, 9, 7, 6, 20], [2, 3, 0, 2, 4], (0, 2, 3, 4)
+    matrix = bordered([17, 7, 6], 20, rng) * (rng.random((50, 50)) < 0.7)
+    first = np.concatenate([[0], np.cumsum(sizes)])
+    for begin, count in zip(first, pairs, strict=False):
+        for k in range(begin, begin + 2 * count, 2):
+            matrix[k + 1, k + 1], matrix[k + 1, k] = 0.0, rng.choice([9.0, 1e-9], p=[0.8, 0.2])
+    matrix = np.tril(matrix) + np.tril(matrix, -1).T
+    check(order_of(sizes, pairs, chains), 50, lower_entries(matrix), 2)
+
+
 def test_unknowns_of_a_chain_without_a_pivot_wait_for_the_trunk():
     """[0 B; B' 0] with all of B' in the trunk: no chain has a pivot of its own."""
     rng = np.random.default_rng(0)
@@ -213,6 +227,31 @@ def test_pairs(weight, dual, coupling):
         matrix[4 + k :, k] = rng.normal(size=8 - k)
     matrix = np.tril(matrix) + np.tril(matrix, -1).T
     check(order_of([8, 4], [2, 0]), 12, lower_entries(matrix))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_pairs_in_many_stages(seed):
+    """Sparse stages of pairs and others on a chain with a border; some pairs are no pivots, some unknowns must wait."""
+    rng = np.random.default_rng(seed)
+    stages, pairs, others, border = 6, 5, 7, 9
+    own = 2 * pairs + others
+    size = stages * own + border
+    matrix = np.zeros((size, size))
+    for first in range(0, size - border, own):
+        for k in range(first, first + 2 * pairs, 2):
+            coupled = [*range(k + 2, first + own), *range(first + own, first + own + 6, 2), *range(size - border, size)]
+            matrix[coupled, k] = rng.normal(size=len(coupled)) * (rng.random(len(coupled)) < 0.6)
+            matrix[coupled, k + 1] = rng.normal(size=len(coupled)) * (rng.random(len(coupled)) < 0.2)
+            matrix[k, k], matrix[k + 1, k] = rng.normal(), rng.choice([1.0, 1e-9], p=[0.9, 0.1])
+            matrix[k + 1, k + 1] = rng.choice([0.0, -1e-8], p=[0.95, 0.05])
+        rest = [*range(first + 2 * pairs, first + own), *range(size - border, size)]
+        matrix[np.ix_(rest, rest)] += np.tril(rng.normal(size=(len(rest), len(rest))))
+    for first in range(0, size - border - own, own):  # two unknowns that meet no other of their stage must wait
+        waiting, later = [first + own - 2, first + own - 1], range(first + own, first + 2 * own)
+        matrix[waiting, :] = matrix[:, waiting] = 0
+        matrix[np.ix_(later, waiting)] = rng.normal(size=(own, 2))
+    matrix = np.tril(matrix) + np.tril(matrix, -1).T
+    check(order_of([own] * stages + [border], [pairs] * stages + [0]), size, lower_entries(matrix))
 
 
 # ---- the systems of programs

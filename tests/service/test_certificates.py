@@ -19,6 +19,7 @@ from services.codesign.instance import build_instance
 from services.codesign.optimality import optimality
 from services.codesign.problem import Problem, Transcription
 from services.codesign.program import load_program
+from services.codesign.robot import preset_wire
 from services.codesign.solver import SolverOptions
 from services.jobs import results, views
 from services.jobs.claim import claim
@@ -49,6 +50,15 @@ REQUESTS: dict[str, dict[str, Any]] = {
     "paper": {"transcription": {"degree": 1, "intervals": 20}},
     "moving": {"transcription": {"scheme": "legendre", "degree": 2, "intervals": 20, "control": "current"}},
     "accurate": {"transcription": {"accuracy": {"position_rad": 1e-3}}, "objective": {"kind": "energy"}},
+    "rubbing": {
+        "robot": preset_wire("ur5")
+        | {
+            "viscous_friction_Nms_rad": [2.0, 4.0, 3.0, 0.5, 0.5, 0.2],
+            "coulomb_friction_Nm": [3.0, 5.0, 4.0, 1.0, 1.0, 0.5],
+            "joint_speed_limit_rad_s": [None, 2.5, 2.5, None, None, None],
+        },
+        "transcription": {"degree": 1, "intervals": 20},
+    },
 }
 TASK = {"start_rad": [0.4] * 6, "end_rad": [0.0] * 6, "payload_kg": 1.5, "duration_s": 0.9}
 MOVING = {
@@ -111,7 +121,9 @@ def drain(engine: Engine) -> None:
         assert finish(engine, held, execute(work, SolverOptions(), lambda report: False))
 
 
-@pytest.mark.parametrize(("name", "method"), [("paper", "own"), ("moving", "two_step"), ("accurate", "two_step")])
+@pytest.mark.parametrize(
+    ("name", "method"), [("paper", "own"), ("moving", "two_step"), ("accurate", "two_step"), ("rubbing", "own")]
+)
 def test_a_script_that_knows_only_the_json_finds_the_same(
     name: str,
     method: str,

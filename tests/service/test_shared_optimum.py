@@ -86,6 +86,29 @@ def test_it_beats_every_other_method(engine: Engine, settings: Settings) -> None
     assert weighted("shared_optimum") <= stored.convergence[-1][1] * (1 + 1e-4)
 
 
+def test_what_relaxing_the_current_limit_brings(engine: Engine, settings: Settings) -> None:
+    """As the comparison says, against the same application with one percent more; weights included."""
+    found = []
+    for current in (3.0, 3.03):
+        application_id, _ = submit(engine, settings, request(motor={"current_limit_A": current}))
+        run(engine)
+        found.append(results.comparison(engine, application_id))
+    before, after = found
+    for method in ("own", "shared_optimum", "two_step"):
+        assert method in before.limits
+    for method in ("own", "shared_optimum"):
+        (cost,) = [cost for cost in before.limits[method] if cost.name == "current_limit_A"]
+        assert (cost.value, cost.unit, cost.relax) == (3.0, "A", "raise")
+        assert set(cost.tasks) == {0, 1}
+        gained = before.methods[method].weighted_objective - after.methods[method].weighted_objective
+        assert cost.gain_per_percent == pytest.approx(gained, rel=0.1)
+        assert cost.gain_per_unit == pytest.approx(gained / 0.03, rel=0.1)
+    of_design = [cost for cost in before.limits["shared_optimum"] if cost.of_the_design]
+    assert of_design
+    assert all(not cost.tasks for cost in of_design)
+    assert not [cost for cost in before.limits["two_step"] if cost.name.startswith("bounds_mm")]
+
+
 @pytest.mark.parametrize("status", ["Infeasible_Problem_Detected", "Solve_Succeeded"])
 def test_a_solve_that_fails_or_ends_worse_leaves_the_best_design(
     engine: Engine, settings: Settings, monkeypatch: pytest.MonkeyPatch, status: str

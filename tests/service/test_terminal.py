@@ -93,6 +93,22 @@ def comparison(values: dict[str, list[float]], compared: list[int]) -> Compariso
     )
 
 
+def test_limits_come_with_their_units_and_what_a_little_more_would_bring() -> None:
+    out, written = console()
+    cost = {"name": "current_limit_A", "value": 3.0, "unit": "A", "relax": "raise", "gain_per_unit": 0.0123}
+    cost |= {"gain_per_percent": 0.000369, "tasks": [0, 2], "of_the_design": False}
+    length = {**cost, "name": "bounds_mm.L.low", "value": 20.0, "unit": "mm", "relax": "lower", "tasks": []}
+    found = comparison({"own": [1.0, 2.0, 3.0], "two_step": [1.1, 2.1, 3.1]}, [0, 1, 2])
+    limits = {"two_step": [cost, length | {"of_the_design": True}]}
+    tables.print_comparison(out, ComparisonAnswer.model_validate(found.model_dump() | {"limits": limits}))
+    lines = written.getvalue().splitlines()
+    assert any(line.startswith("Limits that hold it back") and "(two_step)" in line for line in lines)
+    assert [line.split() for line in lines if "_A" in line] == [
+        ["current_limit_A", "3", "A", "raise", "2", "of", "3", "0.0123", "A", "0.000369"]
+    ]
+    assert [line.split()[4:6] for line in lines if "bounds_mm" in line] == [["the", "design"]]
+
+
 def test_lines_come_with_news_and_not_with_every_status() -> None:
     out, written = console()
     notes = iter(["compiling", None, None, None])  # none is asked for at the end

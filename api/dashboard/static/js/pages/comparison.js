@@ -3,6 +3,7 @@
 import { get, ofApplication } from "../api.js";
 import { h, replace } from "../dom.js";
 import { aligned, count, methodName, signed } from "../format.js";
+import { limitCosts } from "../parts/limit-costs.js";
 import { head } from "../parts/head.js";
 import { whenChanged } from "../parts/when-changed.js";
 import { heatKey, heatMap, percentCell, taskLink } from "../plots/heat.js";
@@ -27,7 +28,22 @@ function content(status, comparison, overview) {
     totals(status, comparison, overview),
     others.length && status.method in comparison.methods ? improvements(status, overview, others) : null,
     Object.keys(comparison.regret).length && comparison.tasks_compared.length ? regrets(overview, comparison) : null,
+    limits(status, comparison),
   ];
+}
+
+/** What relaxing each limit would bring: with the application's design, and with each task's own. */
+function limits(status, comparison) {
+  const shown = [status.method, "own"].filter((name) => comparison.limits[name]?.length);
+  if (!shown.length) return null;
+  const hint = "By the multipliers at each optimum, for a small change. With a design that is not free, the motions alone adapt.";
+  return h(
+    "section",
+    { class: "card" },
+    h("h2", {}, "Limits that hold it back"),
+    h("p", { class: "hint" }, hint),
+    shown.map((name) => limitCosts(comparison, name)),
+  );
 }
 
 function totals(status, comparison, overview) {
