@@ -19,7 +19,7 @@ from api.openapi import describe_problems
 from api.plain_text import PlainText
 from api.rate_limit import RateLimit
 from api.request_log import RequestLog
-from api.routers import applications, events, health, results, robots, session, sweeps
+from api.routers import applications, events, health, report, results, robots, session, sweeps
 from api.same_site import SameSite
 from api.too_large import TooLarge
 from api.yaml_bodies import YamlBodies
@@ -64,7 +64,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(RequestLog)
     app.add_middleware(RequestMetrics, registry=context.registry)
     context.registry.register(QueueCollector(context.engine, settings.lease_s))
-    for router in (applications.router, events.router, results.router, robots.router, sweeps.router):
+    for router in (applications.router, events.router, results.router, report.router, robots.router, sweeps.router):
         app.include_router(router, dependencies=[owned])
     for router in (session.router, health.router):
         app.include_router(router)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, cast
 
+import anyio
 from celery import Celery
 from fastapi import Depends, Request
 from prometheus_client import CollectorRegistry
@@ -22,6 +23,8 @@ class Context:
     broker: Celery
     registry: CollectorRegistry = field(default_factory=CollectorRegistry)
     """Metrics of this process."""
+    drawing: anyio.CapacityLimiter = field(default_factory=lambda: anyio.CapacityLimiter(1))
+    """One report is drawn at a time; the others wait."""
 
 
 def _context(request: Request) -> Context:

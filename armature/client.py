@@ -49,6 +49,8 @@ RETRY_WAITS_S = (0.1, 0.2, 0.4, 0.8, 1.6)
 """Pauses before a call is tried again when nobody answers, or the server is busy (503)."""
 
 TASKS_A_PAGE = 200
+REPORT_TIMEOUT_S = 300.0
+"""Reports are drawn one at a time."""
 NOT_FOUND, BUSY = 404, 503
 
 
@@ -296,6 +298,11 @@ class Application:
         """All that the results depend on: robot, motor, tasks and transcription with every default filled in."""
         found: dict[str, Any] = json.loads(self._get("/inputs"))
         return found
+
+    def report(self) -> str:
+        """The report: one HTML file that asks for nothing else. The server takes a few seconds to draw it."""
+        answer = self.client.request("GET", f"{self._path}/report", timeout=REPORT_TIMEOUT_S)
+        return answer.content.decode()
 
     def cancel(self) -> ApplicationStatus:
         """Ask for an end: queued jobs at once, running ones within a second or two."""

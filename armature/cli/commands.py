@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from armature.cli import doctor, export, local, motions, operator, remote, robots, sweeps
+from armature.cli import doctor, export, local, motions, operator, remote, report, robots, sweeps
 from armature.cli.exit_codes import HELP
 from armature.cli.failures import Commands
 
@@ -42,5 +42,6 @@ for command in (
     motions.trajectory,
     motions.log,
     export.export,
+    report.report,
 ):
     app.command(rich_help_panel=SERVER)(command)

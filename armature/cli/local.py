@@ -19,6 +19,7 @@ from armature.client import Client, new_idempotency_key
 from armature.processes import LOOPBACK, Place, interrupt_on_signals
 from armature.progress import shown_progress
 from armature.save import save_results
+from armature.whole_files import whole_file
 from shared.settings import Settings
 
 LOOK_EVERY_S = 0.25
@@ -32,8 +33,8 @@ def run(
 ) -> None:
     """Design the motors for one application, here and now.
 
-    Starts what it needs, shows progress, prints the design and the comparison, writes every result as JSON and the
-    figures made from them, and leaves nothing running. Ctrl-C cancels the application.
+    Starts what it needs, shows progress, prints the design and the comparison, writes a report, every result as JSON
+    and the figures made from them, and leaves nothing running. Ctrl-C cancels the application.
     """
     interrupt_on_signals()
     request, reference = read_application(file), reference_beside(file)
@@ -46,11 +47,14 @@ def run(
         application = submit_and_follow(console, service, settings, submit, shown_progress)
         status = application.status()
         folder = save_results(application, out, request)
+        with console.status("drawing"), whole_file(folder / "report.html") as part:
+            part.write_text(application.report(), encoding="utf-8")
         if as_json:
             print_json(status)
         else:
             show_results(output(), application, status, reference)
-    console.print(f"\nevery result as JSON: {folder}", soft_wrap=True)
+    console.print(f"\nreport: {folder / 'report.html'}, for any browser", soft_wrap=True)
+    console.print(f"every result as JSON: {folder}", soft_wrap=True)
     if figures := _figures(folder):
         console.print(f"figures: {folder / 'figures'} ({', '.join(path.stem for path in figures)})", soft_wrap=True)
     raise typer.Exit(exit_code_of(status.state))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -79,6 +79,26 @@ class ResolvedApplication(Strict):
         deciding = deciding or {max(objectives, key=lambda k: objectives[k]): 1.0}
         worst, total = self.objective.over_tasks.worst_share, sum(self.tasks[k].weight for k in objectives)
         return {k: (1 - worst) * self.tasks[k].weight + worst * total * deciding.get(k, 0.0) for k in objectives}
+
+    def as_request(self, name: str, tags: Sequence[str] = ()) -> dict[str, Any]:
+        """A request that is understood as this application again, whatever becomes of presets and uploads."""
+        tasks: Any = [task.model_dump(mode="json", exclude_none=True) for task in self.tasks]
+        if self.grid is not None:
+            tasks = {"grid": self.grid.model_dump(mode="json", exclude_none=True)}
+        request = {
+            "name": name,
+            "robot": self.robot,
+            "objective": self.objective.model_dump(mode="json", exclude_none=True),
+            "tasks": tasks,
+            "motor": self.motor.to_wire(),
+            "transcription": self.transcription.model_dump(mode="json", exclude_none=True),
+            "method": self.method,
+            "compare": list(self.methods[1:]),
+            "empirical_task": self.empirical_task,
+            "worst_case_task": self.worst_case_task,
+            "tags": list(tags),
+        }
+        return {key: value for key, value in request.items() if value is not None}
 
     def build_robot(self) -> Robot:
         """The arm."""

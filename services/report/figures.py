@@ -34,7 +34,7 @@ def write_figures(answers: Answers, folder: Path, kind: Format = "svg") -> list[
     folder
         Made if it is not there.
     kind
-        `svg` or `png`.
+        `svg`, `png` or `pdf`.
 
     Returns
     -------
@@ -44,14 +44,15 @@ def write_figures(answers: Answers, folder: Path, kind: Format = "svg") -> list[
     """
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    for name, draw in _figures(answers):
+    for name, draw in figures_of(answers):
         with style():
             figure = draw()
         written.append(save(figure, folder / f"{name}.{kind}"))
     return written
 
 
-def _figures(answers: Answers) -> Iterator[tuple[str, Draw]]:
+def figures_of(answers: Answers) -> Iterator[tuple[str, Draw]]:
+    """Name of each figure that the answers have the numbers for, and what draws it, inside `style`."""
     method, motor = answers.application.method, answers.motor
     if (design := answers.design) is not None:
         yield "motors", lambda: motor_drawings(design, motor)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, TextIO
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-Format = Literal["svg", "png"]
+Format = Literal["svg", "png", "pdf"]
 
 INK: Final = "#222222"
 """Text and outlines."""
@@ -104,11 +105,13 @@ _SETTINGS: Final[dict[Any, Any]] = {
     "savefig.transparent": False,
     "svg.hashsalt": "armature",  # the same element ids each time
     "svg.fonttype": "path",  # no fonts needed where it is shown
+    "pdf.fonttype": 42,  # TrueType, which journals take
 }
 
 _NO_TIMESTAMP: Final[Mapping[Format, Mapping[str, None]]] = {
     "svg": {"Date": None, "Creator": None},
     "png": {"Software": None},
+    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
 }
 
 PNG_DOTS_PER_INCH: Final = 130
@@ -125,11 +128,22 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Write as SVG or PNG, as the name ends; the same figure gives the same bytes."""
-    kind: Format = "svg" if path.suffix == ".svg" else "png"
-    with style():
-        figure.savefig(path, format=kind, metadata=dict(_NO_TIMESTAMP[kind]), dpi=PNG_DOTS_PER_INCH)
+    """Write as SVG, PNG or PDF, as the name ends; the same figure gives the same bytes."""
+    kind: Format = {".svg": "svg", ".pdf": "pdf"}.get(path.suffix, "png")  # type: ignore[assignment]
+    _write(figure, path, kind)
     return path
+
+
+def svg_text(figure: Figure) -> str:
+    """The figure as an SVG document."""
+    written = io.StringIO()
+    _write(figure, written, "svg")
+    return written.getvalue()
+
+
+def _write(figure: Figure, to: Path | TextIO, kind: Format) -> None:
+    with style():
+        figure.savefig(to, format=kind, metadata=dict(_NO_TIMESTAMP[kind]), dpi=PNG_DOTS_PER_INCH)
 
 
 def light_grid(axes: Axes, axis: Literal["x", "y", "both"] = "y") -> None:

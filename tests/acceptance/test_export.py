@@ -189,6 +189,30 @@ def test_a_motion_and_a_log_in_the_terminal(service: Service, finished: str, com
     assert command("trajectory", finished, 2).exit_code == 4
 
 
+def test_report_and_figures(finished: str, command: Callable[..., Result], tmp_path: Path) -> None:
+    """One page with what failed in it; figures as PDF, drawn as lines and with letters that can be searched."""
+    out, folder = tmp_path / "report.html", tmp_path / "figures"
+    done = command("report", finished, "-o", out, "--pdf-figures", folder, "--json")
+    assert done.exit_code == 0, done.output
+    written = json.loads(done.stdout)
+    assert written["report"] == str(out)
+    page = out.read_text(encoding="utf-8")
+    assert "task 2, too heavy: " in page
+    assert page.count("<svg") == 3
+    assert sorted(Path(path).name for path in written["figures"]) == [
+        "motion-001-two_step.pdf",
+        "motors.pdf",
+        "totals.pdf",
+    ]
+    for path in written["figures"]:
+        content = Path(path).read_bytes()
+        assert content.startswith(b"%PDF-")
+        assert b"/Subtype /Image" not in content
+        assert b"/Type0" in content
+    assert command("report", "nothing", "-o", tmp_path / "other.html").exit_code == 4
+    assert not (tmp_path / "other.html").exists()
+
+
 def test_delete(service: Service, command: Callable[..., Result]) -> None:
     """Asks first; then nothing is left, and a second time there is nothing to delete."""
     with Client(service.url) as client:

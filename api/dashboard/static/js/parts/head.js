@@ -1,5 +1,6 @@
 /** What every page of an application begins with: its name, its state, and the way to its other pages. */
 
+import { ofApplication } from "../api.js";
 import { h } from "../dom.js";
 import { methodName, words } from "../format.js";
 import { applicationLink } from "../router.js";
@@ -39,6 +40,7 @@ export function head(status, here) {
       PAGES.map(([rest, text]) =>
         h("a", { href: applicationLink(status.id, rest), "aria-current": rest === here ? "page" : null }, text),
       ),
+      h("a", { href: ofApplication(status.id, "/report") }, "Report"),
     ),
   );
   return { element, buttons, setState: (next) => state.replaceChildren(stateBadge(next)) };

@@ -1,0 +1,60 @@
+"""Everything that a report on an application is made from, out of the store."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from sqlalchemy import Engine
+
+from services.codesign.comparison import OWN
+from services.jobs import results, views
+from services.jobs.views import NotFoundError
+from services.report.answers import Answers, middle_task
+from services.report.page import Report
+from shared.contracts.results import TaskList, Trajectory
+
+Found = TypeVar("Found")
+
+
+def report_of(engine: Engine, application_id: str) -> Report:
+    """What is known so far; a report can be made of an application that still runs.
+
+    Raises
+    ------
+    NotFoundError
+        There is no such application.
+    """
+    status = views.status(engine, application_id)
+    meaning = results.inputs(engine, application_id)
+    tasks = views.tasks(engine, application_id, 0, status.tasks)
+    answers = Answers(
+        application=status,
+        tasks=tasks,
+        design=_if_there(lambda: results.design(engine, application_id, None)),
+        designs=_if_there(lambda: results.designs(engine, application_id)),
+        comparison=_if_there(lambda: results.comparison(engine, application_id)),
+        motions=_motion(engine, application_id, tasks, status.method),
+        motor=meaning.build_motor(),
+        robot=meaning.build_robot(),
+    )
+    content = [task.model_dump(mode="json") for task in meaning.tasks]
+    return Report(answers, content, meaning.as_request(status.name, status.tags))
+
+
+def _motion(engine: Engine, application_id: str, tasks: TaskList, method: str) -> tuple[Trajectory, ...]:
+    """The middle task's, or the first that there is."""
+    middle = middle_task(tasks)
+    for task in sorted(tasks.items, key=lambda task: abs(task.index - middle)):
+        if method in task.methods:
+            return (results.trajectory(engine, application_id, task.index, method),)
+        if task.own is not None:
+            return (results.trajectory(engine, application_id, task.index, OWN),)
+    return ()
+
+
+def _if_there(read: Callable[[], Found]) -> Found | None:
+    try:
+        return read()
+    except NotFoundError:
+        return None
