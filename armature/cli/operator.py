@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.table import Table
 
 from armature.cli.consoles import messages, output
-
-if TYPE_CHECKING:
-    from sqlalchemy import Engine
+from armature.cli.database import open_database
 
 app = typer.Typer(help="API keys of a server (ARMATURE_API_KEYS_REQUIRED=true asks for them).", no_args_is_help=True)
 
@@ -24,7 +20,7 @@ def create(name: Name) -> None:
     """Make a key and print it, this once: only its hash is kept."""
     from services.jobs.keys import create_key
 
-    with _database() as engine:
+    with open_database() as engine:
         key_id, secret = create_key(engine, name)
     output().print(secret, soft_wrap=True)
     messages().print(f"key {key_id} of {name}; it is not kept and cannot be shown again")
@@ -36,7 +32,7 @@ def list_all() -> None:
     from services.jobs.keys import list_keys
     from services.jobs.views import iso_time
 
-    with _database() as engine:
+    with open_database() as engine:
         keys = list_keys(engine)
     table = Table("id", "name", "created", "revoked", box=None)
     for key in keys:
@@ -49,7 +45,7 @@ def revoke(key: Annotated[str, typer.Argument(metavar="ID_OR_NAME", show_default
     """End a key, and every browser's session with it, at once. What it submitted stays."""
     from services.jobs.keys import revoke_key
 
-    with _database() as engine:
+    with open_database() as engine:
         count = revoke_key(engine, key)
     if not count:
         messages().print(f"there is no valid key {key}")
@@ -64,21 +60,3 @@ def migrate() -> None:
 
     upgrade(Settings().database_url)
     messages().print(f"the database is at revision {head_revision()}")
-
-
-@contextmanager
-def _database() -> Iterator[Engine]:
-    """The settings' database, made where there is none yet; one at another revision is left alone."""
-    from shared.db.engine import make_engine
-    from shared.db.migrate import current_revision, require_head, upgrade
-    from shared.settings import Settings
-
-    url = Settings().database_url
-    engine = make_engine(url)
-    try:
-        if current_revision(engine) is None:
-            upgrade(url)
-        require_head(url)
-        yield engine
-    finally:
-        engine.dispose()

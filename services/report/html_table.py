@@ -9,6 +9,9 @@ from typing import Final
 NOTHING: Final = "–"
 """Where there is no value."""
 
+PLAIN_BELOW: Final = 1e7
+"""Numbers from here on have a power of ten."""
+
 
 @dataclass(frozen=True)
 class HtmlTable:
@@ -22,7 +25,12 @@ class HtmlTable:
 
 def number(value: float | None, digits: int = 4) -> str:
     """A number to so many significant digits, with a true minus; a dash where there is none."""
-    return NOTHING if value is None else f"{value:.{digits}g}".replace("-", "−")
+    if value is None:
+        return NOTHING
+    text = f"{value:.{digits}g}"
+    if "e+" in text and abs(value) < PLAIN_BELOW:
+        text = f"{float(text):.0f}"
+    return text.replace("-", "−")
 
 
 def small(value: float | None) -> str:

@@ -97,7 +97,7 @@ def _facts(answers: Answers) -> Iterator[tuple[str, str]]:
     status, comparison = answers.application, answers.comparison
     yield "state", status.state.replace("_", " ")
     solved = sum(task.own is not None for task in answers.tasks.items)
-    yield "tasks", f"{len(answers.tasks.items)}, {solved} of them solved"
+    yield "tasks solved", f"{solved} of {len(answers.tasks.items)}"
     if comparison is not None and status.method in comparison.methods:
         total = comparison.methods[status.method].total_objective
         unit = "" if comparison.unit == "1" else f" {comparison.unit.replace('V2', 'V²')}"

@@ -103,7 +103,8 @@ def totals_table(comparison: ComparisonAnswer) -> HtmlTable:
         shown = NOTHING if regret is None else percent(regret.total)
         rows.append([method_name(name), *(number(value, 5) for value in measures), shown])
     count = len(comparison.tasks_compared)
-    return HtmlTable(f"Totals over the {count} tasks that every method solved", columns, rows)
+    caption = f"Totals over the {count} tasks that every method solved" if count > 1 else "One task, with every method"
+    return HtmlTable(caption, columns, rows)
 
 
 def result_table(tasks: TaskList, methods: Sequence[str], objective: str) -> HtmlTable:

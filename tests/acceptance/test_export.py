@@ -33,8 +33,12 @@ DYNAMICS = 1e-9
 
 
 @pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    home = home_with_kernels(tmp_path_factory.mktemp("export") / "home")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return home_with_kernels(tmp_path_factory.mktemp("export") / "home")
+
+
+@pytest.fixture(scope="module")
+def service(home: Path) -> Iterator[Service]:
     with running_service(Settings(home=home), Place(workers=2)) as service:
         yield service
 
@@ -192,7 +196,7 @@ def test_a_motion_and_a_log_in_the_terminal(service: Service, finished: str, com
 def test_report_and_figures(finished: str, command: Callable[..., Result], tmp_path: Path) -> None:
     """One page with what failed in it; figures as PDF, drawn as lines and with letters that can be searched."""
     out, folder = tmp_path / "report.html", tmp_path / "figures"
-    done = command("report", finished, "-o", out, "--pdf-figures", folder, "--json")
+    done = command("report", finished, "-o", out, "--figures", folder, "--json")
     assert done.exit_code == 0, done.output
     written = json.loads(done.stdout)
     assert written["report"] == str(out)
@@ -209,8 +213,25 @@ def test_report_and_figures(finished: str, command: Callable[..., Result], tmp_p
         assert content.startswith(b"%PDF-")
         assert b"/Subtype /Image" not in content
         assert b"/Type0" in content
+    svg = command("report", finished, "-o", out, "--figures", folder, "--format", "svg")
+    assert (folder / "motors.svg").read_text(encoding="utf-8").startswith("<?xml"), svg.output
     assert command("report", "nothing", "-o", tmp_path / "other.html").exit_code == 4
     assert not (tmp_path / "other.html").exists()
+
+
+def test_the_report_out_of_the_store(
+    finished: str, command: Callable[..., Result], home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a server, to the last letter what a server answers; what is not in the store is not found."""
+    asked, read = tmp_path / "asked.html", tmp_path / "read.html"
+    assert command("report", finished, "-o", asked).exit_code == 0
+    monkeypatch.setenv("ARMATURE_HOME", str(home))
+    done = CliRunner().invoke(app, ["report", finished, "--local", "-o", str(read), "--url", "http://127.0.0.1:9"])
+    assert done.exit_code == 0, done.output
+    assert read.read_bytes() == asked.read_bytes()
+    missing = CliRunner().invoke(app, ["report", "nothing", "--local", "-o", str(tmp_path / "none.html")])
+    assert missing.exit_code == 4
+    assert "armature.db" in missing.output
 
 
 def test_delete(service: Service, command: Callable[..., Result]) -> None:

@@ -6,12 +6,14 @@ import hashlib
 import json
 import re
 from collections import Counter
+from dataclasses import replace
 from html.parser import HTMLParser
 from typing import Any
 
 import pytest
 import yaml
 
+from services.report.html_table import number
 from services.report.inline_svg import inline_svg
 from services.report.page import Report, report_page, request_hash
 from services.report.report_tables import certificate_table, result_table, totals_table
@@ -124,6 +126,18 @@ def test_limits_are_said_with_their_value() -> None:
     assert limit_words("mass", {"limit": 3.0, "unit": "kg"}) == "mass: 3 kg"
 
 
+def test_numbers_are_read_without_counting_zeros() -> None:
+    """Significant digits as asked for, a power of ten only where it is needed."""
+    assert [number(value) for value in (None, -1234.56, 176763.0, 2.5e7, 3.57e-6, 0.0)] == [
+        "–",
+        "−1235",
+        "176800",
+        "2.5e+07",
+        "3.57e−06",
+        "0",
+    ]
+
+
 def test_the_request_can_be_taken_out_again(page: Page) -> None:
     """YAML that reads back to the same, whose hash is stated."""
     written = next(text for text in page.text if text.startswith("name: made up"))
@@ -147,8 +161,8 @@ def test_two_figures_share_no_ids() -> None:
 
 def test_an_application_without_results_has_a_page() -> None:
     """Nothing solved yet: no figures, and that is said."""
-    some = made_up.answers()
-    bare = some.__class__(some.application, made_up.tasks().model_copy(update={"items": []}), None, None, None, (), some.motor, None)  # fmt: skip # noqa: E501
-    page = Page(report_page(Report(bare, [], REQUEST)))
+    nothing = {"design": None, "designs": None, "comparison": None, "motions": (), "robot": None}
+    waiting = replace(made_up.answers(), tasks=made_up.tasks().model_copy(update={"items": []}), **nothing)
+    page = Page(report_page(Report(waiting, [], REQUEST)))
     assert page.tags["svg"] == 0
-    assert "There is no design." in page.text
+    assert "There is no design yet." in page.text

@@ -64,6 +64,7 @@ def test_one_that_still_waits_has_a_report(http: httpx.Client) -> None:
     answer = http.get(f"/v1/applications/{application}/report")
     assert answer.status_code == 200, answer.text
     assert "<h1>waiting</h1>" in answer.text
-    assert "There is no design." in answer.text
+    assert "There is no design yet." in answer.text
+    assert "Not finished: 0 of" in answer.text
     assert "script-src" not in answer.headers["content-security-policy"]
     assert http.get("/v1/applications/nothing/report").status_code == 404
