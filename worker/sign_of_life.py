@@ -18,6 +18,12 @@ from shared.settings import Settings
 log = structlog.get_logger()
 
 
+_connected = threading.Lock()
+"""Held while the parent has a connection. A process forked meanwhile would inherit SQLite's note that this process has
+the write lock, and find the database locked for ever: forks wait."""
+os.register_at_fork(before=_connected.acquire, after_in_parent=_connected.release, after_in_child=_connected.release)
+
+
 def worker_name() -> str:
     """Host and process, for people reading the history."""
     return f"{socket.gethostname()}:{os.getpid()}"
@@ -26,18 +32,20 @@ def worker_name() -> str:
 def keep_saying(settings: Settings, stop: threading.Event) -> None:
     """A sign of life every heartbeat until `stop`, then a goodbye. An outage of the database is waited out."""
     engine, name = make_engine(settings.database_url), worker_name()
-    while True:
-        try:
-            if stop.is_set():
-                say_goodbye(engine, name)
-            else:
-                sign_of_life(engine, name, socket.gethostname(), settings.workers)
-        except SQLAlchemyError as error:
-            log.warning("sign of life failed", worker=name, error=str(error))
-        if stop.is_set():
-            break
-        stop.wait(settings.heartbeat_s)
-    engine.dispose()
+    last = False
+    while not last:
+        last = stop.is_set()
+        with _connected:
+            try:
+                if last:
+                    say_goodbye(engine, name)
+                else:
+                    sign_of_life(engine, name, socket.gethostname(), settings.workers)
+            except SQLAlchemyError as error:
+                log.warning("sign of life failed", worker=name, error=str(error))
+            engine.dispose()
+        if not last:
+            stop.wait(settings.heartbeat_s)
 
 
 def complaint(settings: Settings, host: str) -> str | None:

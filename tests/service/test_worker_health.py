@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import threading
+import time
+
 import pytest
 from sqlalchemy import Engine, text
 
 from services.jobs.claim import claim
 from services.jobs.submit import submit
 from services.jobs.workers import sign_of_life
-from shared.db.engine import transaction
+from shared.db.engine import make_engine, transaction
 from shared.settings import Settings
 from tests.service.queue_actions import LONG_LEASE_S, queued
 from tests.service.requests import application
@@ -40,3 +44,34 @@ def test_a_worker_that_takes_nothing(engine: Engine, settings: Settings) -> None
 def test_without_a_database_nothing_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ARMATURE_DATABASE_URL", "postgresql://nobody@127.0.0.1:1/nothing")
     assert health.main() == 0
+
+
+def test_a_process_forked_while_the_parent_writes_can_write(
+    settings: Settings, engine: Engine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The pool replaces a lost process while the parent may just be saying that it lives."""
+    writes, stop = threading.Event(), threading.Event()
+
+    def slow_sign_of_life(engine: Engine, *_: object) -> None:
+        with transaction(engine) as session:
+            session.execute(text("UPDATE workers SET processes = 1"))
+            writes.set()
+            time.sleep(0.3)
+
+    monkeypatch.setattr(health, "sign_of_life", slow_sign_of_life)
+    monkeypatch.setattr("shared.db.engine.SQLITE_BUSY_TIMEOUT_S", 2.0)
+    parent = threading.Thread(target=health.keep_saying, args=(settings, stop))
+    parent.start()
+    try:
+        assert writes.wait(10)
+        child = os.fork()
+        if child == 0:
+            try:
+                sign_of_life(make_engine(settings.database_url), "child", "here", 1)
+            except BaseException:  # nothing may leave a forked test process
+                os._exit(1)
+            os._exit(0)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    finally:
+        stop.set()
+        parent.join()
