@@ -24,7 +24,7 @@ class ApplicationState(StrEnum):
 
 
 class JobState(StrEnum):
-    """Where a job is. `FAILED` is a true answer (infeasible); `DEAD` means that its worker was lost three times."""
+    """Where a job is. `FAILED` is an answer (infeasible, or an exception), `DEAD` a worker lost three times."""
 
     QUEUED = "queued"
     RUNNING = "running"

@@ -94,6 +94,9 @@ def _repeat(act: Callable[[], None], stop: threading.Event, what: str) -> None:
         except (SQLAlchemyError, OSError, OperationalError) as error:
             log.warning(f"{what} interrupted", error=str(error))
             stop.wait(1.0)
+        except Exception:  # whatever one job or message is about, all others need this thread
+            log.exception(f"{what} interrupted")
+            stop.wait(1.0)
 
 
 def main() -> None:

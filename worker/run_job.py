@@ -1,4 +1,8 @@
-"""One job from claim to finish, with a heartbeat beside the solve."""
+"""One job from claim to finish, with a heartbeat beside the solve.
+
+What is raised on the way, but for an outage of the database, is the job's outcome: it fails, with the reason, and is
+not tried again, since the same inputs would raise the same. Only a process that dies is a lost worker.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +11,20 @@ from dataclasses import dataclass, field
 
 import structlog
 from sqlalchemy import Engine
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.exc import DBAPIError, SQLAlchemyError
+from structlog.typing import FilteringBoundLogger
 
 from services.codesign.solver import IterationReport, SolverOptions
 from services.jobs.claim import Claim, cancel_requested, claim, release, renew, report
 from services.jobs.execute import execute
-from services.jobs.finish import finish
+from services.jobs.finish import Outcome, finish
+from services.jobs.store import LONGEST_REASON
 from services.jobs.work import load_work
+from shared.contracts.errors import printable
+from shared.domain import JobState
 from shared.settings import Settings
 from worker.drain import drained
-from worker.patience import for_the_next, patiently
+from worker.patience import for_the_next, passes, patiently
 from worker.sign_of_life import worker_name
 
 log = structlog.get_logger()
@@ -35,18 +43,52 @@ def run_job(engine: Engine, settings: Settings, job_id: str) -> None:
         return
     logger = log.bind(job=job_id, application=held.application_id, stage=held.spec.stage, task=held.spec.task_index)
     logger.info("job claimed", token=held.token)
-    work = patiently(lambda: load_work(engine, held))
-    if work is None:
-        return
     with Heartbeat(engine, settings, held) as heartbeat:
-        options = SolverOptions(max_wall_time=settings.solve_time_limit_s, threads=settings.shared_threads)
-        outcome = execute(work, options, heartbeat.should_stop)
+        outcome = _outcome(engine, settings, held, heartbeat, logger)
+    if outcome is None:
+        return
     if heartbeat.gave_up:
         accepted = patiently(lambda: release(engine, held), for_the_next(GIVING_BACK_S))
         logger.info("job given back", accepted=accepted)
         return
-    accepted = patiently(lambda: finish(engine, held, outcome))
+    accepted = _record(engine, held, outcome, logger)
     logger.info("job finished", state=outcome.state, value=outcome.value, reason=outcome.reason, accepted=accepted)
+
+
+def _outcome(
+    engine: Engine, settings: Settings, held: Claim, heartbeat: Heartbeat, logger: FilteringBoundLogger
+) -> Outcome | None:
+    """What comes of a claimed job; None when its application was deleted."""
+    options = SolverOptions(max_wall_time=settings.solve_time_limit_s, threads=settings.shared_threads)
+    try:
+        work = patiently(lambda: load_work(engine, held))
+        return None if work is None else execute(work, options, heartbeat.should_stop)
+    except Exception as error:
+        if _is_outage(error):
+            raise
+        logger.exception("job raised an exception")
+        return _raised("solving", error)
+
+
+def _record(engine: Engine, held: Claim, outcome: Outcome, logger: FilteringBoundLogger) -> bool:
+    """Store an outcome, or that it cannot be stored."""
+    try:
+        return patiently(lambda: finish(engine, held, outcome))
+    except Exception as error:
+        if _is_outage(error):
+            raise
+        logger.exception("outcome cannot be stored")
+        unstored = _raised("storing the result", error)
+        return patiently(lambda: finish(engine, held, unstored))
+
+
+def _is_outage(error: Exception) -> bool:
+    """The database is away, and so must this worker be: somebody else does the job."""
+    return isinstance(error, DBAPIError) and passes(error)
+
+
+def _raised(doing: str, error: Exception) -> Outcome:
+    return Outcome(JobState.FAILED, printable(f"{doing} raised {type(error).__name__}: {error}")[:LONGEST_REASON])
 
 
 @dataclass

@@ -10,10 +10,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from sqlalchemy import delete, select, update
+from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session, defer
 
 from services.jobs.plan import Done, JobSpec, NextStage, Progress, plan_next
 from services.jobs.resolved import ResolvedApplication
+from shared.contracts.errors import printable
 from shared.db.clock import now
 from shared.db.tables import Application, Design, Event, Job, JobTransition, Outbox, Result, Stage
 from shared.domain import TRANSITIONS, ApplicationState, JobState, new_id
@@ -25,6 +27,9 @@ MOTION_STAGES = (StageName.MOTIONS, StageName.SHARED_MOTIONS)
 MOST_EVENTS = 5000
 """Events kept of one application."""
 PRUNE_EVERY = 500
+
+LONGEST_REASON = 1000
+"""Characters kept of an exception that ended a job or an application; the log has all of it."""
 
 CANCELLED = "cancelled by request"
 """Reason of a cancelled job."""
@@ -139,12 +144,23 @@ def _advance(session: Session, application: Application, finished: StageName) ->
     if application.cancel_requested:
         _finish(session, application, Done(ApplicationState.CANCELLED))
         return
-    resolved = ResolvedApplication.model_validate(application.resolved)
-    following = plan_next(resolved, progress_of(session, application, resolved, finished))
+    following = _plan(session, application, finished)
     if isinstance(following, NextStage):
         open_stage(session, application, following)
     else:
         _finish(session, application, following)
+
+
+def _plan(session: Session, application: Application, finished: StageName) -> NextStage | Done:
+    """What comes next. An exception in planning ends the application, with the reason, or it would stay open."""
+    try:
+        resolved = ResolvedApplication.model_validate(application.resolved)
+        return plan_next(resolved, progress_of(session, application, resolved, finished))
+    except SQLAlchemyError:
+        raise
+    except Exception as error:
+        reason = printable(f"what follows {finished} cannot be planned: {type(error).__name__}: {error}")
+        return Done(ApplicationState.FAILED, reason[:LONGEST_REASON])
 
 
 def _finish(session: Session, application: Application, done: Done) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import structlog
 from sqlalchemy import Engine, select
+from sqlalchemy.exc import DBAPIError
 
 from services.jobs.store import CANCELLED, lock_application, requeue, settle
 from services.jobs.tally import SWEEP
@@ -10,6 +12,8 @@ from shared.db.clock import now
 from shared.db.engine import reading, transaction
 from shared.db.tables import Job
 from shared.domain import JobState
+
+log = structlog.get_logger()
 
 BATCH = 200
 """Expired leases looked at in one sweep."""
@@ -23,7 +27,18 @@ def sweep(engine: Engine, max_attempts: int) -> int:
             .where(Job.state == JobState.RUNNING, Job.lease_until < now())
             .limit(BATCH)
         ).all()
-    return sum(_recover(engine, row.id, row.application_id, max_attempts) for row in expired)
+    return sum(_try_to_recover(engine, row.id, row.application_id, max_attempts) for row in expired)
+
+
+def _try_to_recover(engine: Engine, job_id: str, application_id: str, max_attempts: int) -> bool:
+    """One job that cannot be recovered must not hold up the others."""
+    try:
+        return _recover(engine, job_id, application_id, max_attempts)
+    except DBAPIError:
+        raise  # the database is away for all of them
+    except Exception:
+        log.exception("job not recovered", job=job_id, application=application_id)
+        return False
 
 
 def _recover(engine: Engine, job_id: str, application_id: str, max_attempts: int) -> bool:

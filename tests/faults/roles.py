@@ -34,6 +34,8 @@ SOLVE_S = "solve_s"
 """How long a solve takes [s]; read all the time, so that solves at hand can be ended."""
 DEADLY_TASK = "deadly_task"
 """Index of the task whose co-design kills its process, when the file is there."""
+RAISING_TASK = "raising_task"
+"""Index of the task whose co-design raises an exception, when the file is there."""
 EXECUTIONS = "executions"
 """A line for every solve that was begun: stage, method, task index."""
 
@@ -108,6 +110,9 @@ def _stand_in(work: Any, _options: Any, progress: Callable[[IterationReport], bo
     deadly = home / DEADLY_TASK
     if spec.stage == Stage.CODESIGN and deadly.exists() and int(deadly.read_text()) == spec.task_index:
         os.kill(os.getpid(), signal.SIGKILL)
+    raising = home / RAISING_TASK
+    if spec.stage == Stage.CODESIGN and raising.exists() and int(raising.read_text()) == spec.task_index:
+        raise ArithmeticError("the matrix is singular")
     began, iteration = time.monotonic(), 0
     while time.monotonic() - began < _solve_s(home):
         if progress(IterationReport(0, iteration, 1.0)):

@@ -100,6 +100,10 @@ class Service:
         """Let the co-design of a task kill its process, whenever it is tried."""
         (self.settings.home / roles.DEADLY_TASK).write_text(str(index))
 
+    def raise_in_task(self, index: int) -> None:
+        """Let the co-design of a task raise an exception, whenever it is tried."""
+        (self.settings.home / roles.RAISING_TASK).write_text(str(index))
+
     def executions(self) -> list[str]:
         """One entry for each solve that was begun."""
         return (self.settings.home / roles.EXECUTIONS).read_text().splitlines()

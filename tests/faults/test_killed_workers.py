@@ -82,6 +82,26 @@ def test_a_job_that_kills_its_process_each_time(service: Service) -> None:
     assert sum(state == JobState.SUCCEEDED for state, _ in states) == 3
 
 
+def test_a_job_that_raises_an_exception(service: Service) -> None:
+    """It is tried once, and fails with what was raised; its process and its neighbours go on."""
+    service.raise_in_task(1)
+    application_id = service.submit(4)
+    service.start("relay")
+    service.start("worker")
+    service.wait_for_the_end(RECOVERY_S)
+    assert_true_to_its_word(service.engine, service.accepted)
+    assert service.executions().count("codesign - 1") == 1
+    status = views.status(service.engine, application_id)
+    assert status.state == ApplicationState.COMPLETED_WITH_FAILURES
+    said = [(task.index, task.reason) for task in status.excluded_tasks]
+    assert said == [(1, "solving raised ArithmeticError: the matrix is singular")]
+    with reading(service.engine) as session:
+        ((state, attempts, reason),) = session.execute(
+            select(Job.state, Job.attempts, Job.reason).where(Job.stage == "codesign", Job.task_index == 1)
+        ).all()
+    assert (state, attempts, reason) == (JobState.FAILED, 1, said[0][1])
+
+
 def _one(held: list[Held]) -> Held:
     (claim,) = held
     return claim
