@@ -170,7 +170,22 @@ def print_comparison(console: Console, comparison: ComparisonAnswer, reference: 
     for title, heat_map in heat_maps(comparison):
         console.print()
         print_table(console, title, heat_map)
+    _print_scattered(console, comparison)
     _print_limits(console, comparison)
+
+
+def _print_scattered(console: Console, comparison: ComparisonAnswer) -> None:
+    """Each task as given, over its samples."""
+    if not comparison.scattered:
+        return
+    names = list(comparison.methods)
+    table = new_table("task", "samples", *names)
+    for task in comparison.scattered:
+        spreads = [task.methods[name] for name in names]
+        cells = [f"{s.mean:.4f} ± {s.standard_deviation:.4f}, ≤ {s.largest:.4f}" for s in spreads]
+        table.add_row(task.name, str(task.samples), *cells)
+    console.print()
+    print_table(console, f"Over the samples: {QUANTITIES[comparison.objective]}", table)
 
 
 def _print_limits(console: Console, comparison: ComparisonAnswer) -> None:

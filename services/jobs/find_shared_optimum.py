@@ -38,7 +38,7 @@ def find_shared_optimum(work: Work, options: SolverOptions, progress: Progress) 
     decide = found.deciding if better else ()
     content = design_wire(design, motor) | {
         "start": inputs.method,
-        "solver_status": found.status,
+        **_how(found),
         "convergence": [list(point) for point in found.convergence[-MOST_CONVERGENCE_POINTS:]],
         "deciding_tasks": [
             {"index": k, "name": work.application.tasks[k].name, "share": share}

@@ -13,6 +13,7 @@ from services.codesign.motor_data import MotorData, MotorDataError
 from services.codesign.robot import Robot, preset_names, preset_wire
 from services.jobs.inline_robot import inline_robot, read_robot
 from services.jobs.resolved import SHARED, ResolvedApplication, ResolvedTask
+from services.jobs.scatter import samples_of
 from shared.contracts.application import (
     ApplicationRequest,
     GridRequest,
@@ -20,6 +21,7 @@ from shared.contracts.application import (
     MotorRequest,
     ObjectiveRequest,
     RobotChangesRequest,
+    ScatterRequest,
     TaskRequest,
 )
 from shared.contracts.errors import FieldError, InvalidInputError
@@ -51,6 +53,9 @@ def resolve(request: ApplicationRequest, find_robot: RobotLookup, max_tasks: int
     errors = list(_objective_errors(request.objective))
     errors += [error for field, task in located for error in _task_errors(field, task, robot)]
     errors += _duplicate_names(located)
+    given = [task.name for _, task in located]
+    if request.scatter is not None and not errors:
+        located = list(_scattered(located, request.scatter, robot))
     if request.objective.kind in ("energy", "electrical_energy"):
         errors += _durations(request, located)
     if not errors:
@@ -64,7 +69,9 @@ def resolve(request: ApplicationRequest, find_robot: RobotLookup, max_tasks: int
         robot=wire,
         objective=request.objective,
         tasks=tasks,
-        grid=grid,
+        grid=grid if request.scatter is None else None,
+        scatter=request.scatter,
+        given_tasks=[] if request.scatter is None else given,
         motor=request.motor,
         transcription=request.transcription.filled_in(),
         methods=_methods(request),
@@ -121,9 +128,17 @@ def _tasks(request: ApplicationRequest, robot: Robot, max_tasks: int) -> Iterato
     count = len(given) if isinstance(given, list) else len(given.grid.stroke) * len(given.grid.payload_kg)
     if count == 0:
         raise InvalidInputError([FieldError("tasks", "[]", "must hold at least one task")])
+    if request.scatter is not None and count * request.scatter.samples > max_tasks:
+        limit = f"{count} tasks of so many samples each: at most {max_tasks} tasks in one application"
+        raise InvalidInputError([FieldError("scatter.samples", request.scatter.samples, limit)])
     if count > max_tasks:
         raise InvalidInputError([FieldError("tasks", count, f"at most {max_tasks} tasks in one application")])
     yield from (_listed(given) if isinstance(given, list) else _grid(given.grid, robot.joints))
+
+
+def _scattered(located: list[Located], scatter: ScatterRequest, robot: Robot) -> Iterator[Located]:
+    for place, (field, task) in enumerate(located):
+        yield from ((field, sample) for sample in samples_of(task, place, scatter, robot))
 
 
 def _listed(tasks: list[TaskRequest]) -> Iterator[Located]:
@@ -247,5 +262,6 @@ def _chosen_tasks(
             chosen[method] = names.index(choice)
         else:
             chosen[method] = None
-            errors.append(FieldError(field, choice, "no task has this name"))
+            hint = "" if request.scatter is None else f"; with scatter they are called {names[0]!r}, ..."
+            errors.append(FieldError(field, choice, f"no task has this name{hint}"))
     return chosen, errors

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from pydantic import ConfigDict
+from pydantic import ConfigDict, Field
 
 from services.codesign.accuracy import FIRST
 from services.codesign.comparison import over_tasks
@@ -19,6 +19,7 @@ from shared.contracts.application import (
     MethodName,
     MotorRequest,
     ObjectiveRequest,
+    ScatterRequest,
     Strict,
     TaskRequest,
     TranscriptionRequest,
@@ -46,6 +47,10 @@ class ResolvedApplication(Strict):
     motor: MotorRequest
     transcription: TranscriptionRequest
     """Filled in: an accuracy, or a transcription as it is."""
+    scatter: ScatterRequest | None = None
+    """With it, `tasks` are samples: `scatter.samples` in a row of each task that was given."""
+    given_tasks: list[str] = Field(default_factory=list)
+    """Names of the tasks as given, where `tasks` are samples of them."""
     methods: list[MethodName]
     """The application's method first, then those it is compared with."""
     empirical_task: int | None = None
@@ -64,6 +69,10 @@ class ResolvedApplication(Strict):
     def design_task(self, method: MethodName) -> int | None:
         """The task whose own design a method takes; None for methods that use all tasks."""
         return {"empirical": self.empirical_task, "worst_case": self.worst_case_task}.get(method)
+
+    def given_task_of(self, task: int) -> int:
+        """The place, among the tasks as given, of the one that a task is a sample of."""
+        return task if self.scatter is None else task // self.scatter.samples
 
     def over_tasks(self, objectives: Mapping[int, float]) -> float:
         """What one design is judged by, from the objectives of some tasks by index; infinite without any."""

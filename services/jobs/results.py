@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import statistics
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -108,6 +110,7 @@ def comparison(engine: Engine, application_id: str) -> wire.ComparisonAnswer:
             name: wire.Regret(total=sums.total_regret[name], per_task=[sums.regret[name][k] for k in sums.counted])
             for name in values
         },
+        scattered=list(_scattered(resolved, sums.counted, present)),
         limits={
             name: _limits(resolved, {k: results[k] for k in sums.counted}, shared.get(name, {}))
             for name, results in present.items()
@@ -146,6 +149,22 @@ def _totals(
         per_task=[{name: summary[name] for name in MEASURES} for summary in summaries],
         design_mm=design_mm,
     )
+
+
+def _scattered(
+    resolved: ResolvedApplication, counted: Sequence[int], present: Mapping[str, dict[int, dict[str, Any]]]
+) -> Iterator[wire.ScatteredTask]:
+    """The tasks as given, each over its samples that every method solved."""
+    for place, name in enumerate(resolved.given_tasks):
+        samples = [k for k in counted if resolved.given_task_of(k) == place]
+        if samples:
+            methods = {m: _spread([float(results[k]["objective"]) for k in samples]) for m, results in present.items()}
+            yield wire.ScatteredTask(name=name, samples=len(samples), methods=methods)
+
+
+def _spread(values: list[float]) -> wire.Spread:
+    deviation = statistics.stdev(values) if len(values) > 1 else 0.0
+    return wire.Spread(mean=statistics.fmean(values), standard_deviation=deviation, largest=max(values))
 
 
 def _limits(

@@ -81,6 +81,22 @@ class TaskSetRequest(Strict):
     grid: GridRequest
 
 
+class ScatterRequest(Strict):
+    """Every task becomes samples with random payloads and poses; a design that they share is robust over them.
+
+    The samples of a task share its weight, so what a design is judged by is its expected value. The same seed gives
+    the same samples; what leaves the robot's joint ranges, or is below no payload, stays at the limit.
+    """
+
+    distribution: Literal["uniform", "normal"] = Field(
+        "uniform", description="uniform: up to so much to either side; normal: with this standard deviation"
+    )
+    payload_kg: float = Field(0.0, ge=0, description="around each task's payload")
+    position_rad: float = Field(0.0, ge=0, description="around each joint's position, at the start and at the end")
+    samples: int = Field(ge=1, le=1000, description="of each task")
+    seed: int = Field(0, ge=0, lt=2**32)
+
+
 def _one_or_each(value: Any) -> Any:
     """A single number stands for all joints."""
     return [value] if isinstance(value, int | float) and not isinstance(value, bool) else value
@@ -229,6 +245,7 @@ class ApplicationRequest(Strict):
     robot_changes: RobotChangesRequest = RobotChangesRequest()
     objective: ObjectiveRequest = ObjectiveRequest()
     tasks: Tasks
+    scatter: ScatterRequest | None = Field(None, description="tasks as random samples, for a robust design")
     motor: MotorRequest = MotorRequest()
     transcription: TranscriptionRequest = TranscriptionRequest()
     method: MethodName = "two_step"

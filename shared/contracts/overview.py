@@ -6,7 +6,13 @@ from typing import Any
 
 from pydantic import BaseModel, Field
 
-from shared.contracts.application import GridRequest, MethodName, ObjectiveRequest, TranscriptionRequest
+from shared.contracts.application import (
+    GridRequest,
+    MethodName,
+    ObjectiveRequest,
+    ScatterRequest,
+    TranscriptionRequest,
+)
 
 
 class SolveOutcome(BaseModel):
@@ -56,6 +62,8 @@ class Resolved(BaseModel):
     objective: ObjectiveRequest
     tasks: list[dict[str, Any]]
     grid: GridRequest | None
+    scatter: ScatterRequest | None = Field(None, description="with it, `tasks` are samples of `given_tasks`")
+    given_tasks: list[str] = Field([], description="names of the tasks as given, where `tasks` are samples of them")
     motor: dict[str, Any] = Field(description="constants, limits and bounds, in the form of a request")
     transcription: TranscriptionRequest
     methods: list[MethodName]

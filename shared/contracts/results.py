@@ -305,6 +305,11 @@ class SharedDesign(BaseModel):
     convergence: list[list[float]] | None = Field(
         None, description="shared_optimum: [iteration, what the design is judged by] along the solve"
     )
+    solver_status: str | None = Field(None, description="of the joint program, or of Problem 2")
+    iterations: int | None = Field(None, description="shared_optimum: of the joint program")
+    solve_time_s: float | None = Field(None, description="shared_optimum: of the joint program")
+    kkt_residual: float | None = Field(None, description="shared_optimum: of the joint program, scaled")
+    constraint_violation: float | None = Field(None, description="shared_optimum: of the joint program, scaled")
     deciding_tasks: list[DecidingTask] | None = Field(
         None, description="shared_optimum over the worst task: the tasks that decide, from their multipliers"
     )
@@ -361,6 +366,22 @@ class LimitCost(BaseModel):
     of_the_design: bool = Field(description="it holds back the motors that the tasks share")
 
 
+class Spread(BaseModel):
+    """One method's objectives over the samples of one task."""
+
+    mean: float
+    standard_deviation: float = Field(description="of the samples")
+    largest: float
+
+
+class ScatteredTask(BaseModel):
+    """A task as it was given, over its samples."""
+
+    name: str
+    samples: int = Field(description="those that every method solved")
+    methods: dict[str, Spread]
+
+
 class ComparisonAnswer(BaseModel):
     """Methods side by side; `own` is each task with its own design, a bound for the others."""
 
@@ -372,6 +393,7 @@ class ComparisonAnswer(BaseModel):
     grid: GridRequest | None
     methods: dict[str, MethodTotals]
     regret: dict[str, Regret]
+    scattered: list[ScatteredTask] = Field([], description="with scatter: each task given, over its samples")
     limits: dict[str, list[LimitCost]] = Field(
         {}, description="by method, the limits that bind, the most rewarding first"
     )

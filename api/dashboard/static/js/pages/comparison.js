@@ -28,8 +28,47 @@ function content(status, comparison, overview) {
     totals(status, comparison, overview),
     others.length && status.method in comparison.methods ? improvements(status, overview, others) : null,
     Object.keys(comparison.regret).length && comparison.tasks_compared.length ? regrets(overview, comparison) : null,
+    scattered(status, comparison, overview),
     limits(status, comparison),
   ];
+}
+
+/** Each task as given, over its random samples. */
+function scattered(status, comparison, overview) {
+  if (!comparison.scattered.length) return null;
+  const names = [status.method, ...overview.methods.filter((name) => name !== status.method), "own"].filter((name) => name in comparison.methods);
+  const cell = ({ mean, standard_deviation: deviation, largest }) => {
+    const [middle, spread, most] = aligned([mean, deviation, largest], comparison.unit);
+    return `${middle} ± ${spread}, at most ${most}`;
+  };
+  return h(
+    "section",
+    { class: "card" },
+    h("h2", {}, "Over the samples"),
+    h("p", { class: "hint" }, "Mean and standard deviation of the objective over each task's samples, and the largest."),
+    h(
+      "div",
+      { class: "scroll" },
+      h(
+        "table",
+        { class: "records tight" },
+        h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "Task"), ["Samples", ...names.map(methodName)].map((text) => h("th", { scope: "col", class: "figure" }, text)))),
+        h(
+          "tbody",
+          {},
+          comparison.scattered.map((task) =>
+            h(
+              "tr",
+              {},
+              h("th", { scope: "row" }, task.name),
+              h("td", { class: "figure" }, String(task.samples)),
+              names.map((name) => h("td", { class: "figure" }, cell(task.methods[name]))),
+            ),
+          ),
+        ),
+      ),
+    ),
+  );
 }
 
 /** What relaxing each limit would bring: with the application's design, and with each task's own. */
