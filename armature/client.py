@@ -3,55 +3,49 @@
 from armature import Client
 
 application = Client("http://127.0.0.1:8000").submit("examples/pick_and_place.yaml")
-application.wait()
-print(application.design().design_mm)
+application.wait(progress=True)
+print(application.results().design())
+
+`armature.AsyncClient` is the same for programs that use asyncio. What is sent and how answers are read is in `calls`,
+when a call is repeated in `retries`: this module adds the waiting.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import time
-import uuid
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
-from urllib.parse import quote
+from typing import Any, Self, TypeVar
 
 import httpx
 
-from armature.application_file import read_application, read_robot, read_sweep
-from armature.errors import ServerUnreachableError, problem_of
+from armature import calls
+from armature.calls import DEFAULT_URL, Call, Content, new_idempotency_key
+from armature.progress import shown_progress
+from armature.results import Results
+from armature.retries import PATIENCE_S, WAITS_S, Attempts, Policy
 from armature.sweep import Sweep
-from armature.waiting import until_final
+from armature.waiting import Progress, look_until_final
 from shared.contracts.results import (
-    Accepted,
     ApplicationItem,
-    ApplicationList,
     ApplicationStatus,
     ComparisonAnswer,
     DesignAnswer,
     DesignsAnswer,
     SolverLog,
-    TaskList,
     TaskResult,
     Trajectory,
 )
-from shared.contracts.sweeps import AcceptedSweep, SweepItem, SweepList
+from shared.contracts.sweeps import SweepItem
 
-DEFAULT_URL = "http://127.0.0.1:8000"
+__all__ = ["DEFAULT_URL", "Application", "Client", "new_idempotency_key"]
 
 ProgressCallback = Callable[[ApplicationStatus], None]
 """Called with every status that `Application.wait` sees."""
 
-RETRY_WAITS_S = (0.1, 0.2, 0.4, 0.8, 1.6)
-"""Pauses before a call is tried again when nobody answers, or the server is busy (503)."""
-
-TASKS_A_PAGE = 200
-REPORT_TIMEOUT_S = 300.0
-"""Reports are drawn one at a time."""
-NOT_FOUND, BUSY = 404, 503
+Answer = TypeVar("Answer")
 
 
 class Client:
@@ -66,7 +60,10 @@ class Client:
     timeout_s
         Longest wait for one answer [s].
     retry_waits_s
-        Pauses between attempts [s]; every call is safe to repeat, a submission because it carries an idempotency key.
+        Pauses between attempts [s] when nobody answers or the server is busy; every call is safe to repeat, a
+        submission because it carries an idempotency key.
+    patience_s
+        How long a call waits in all [s] because the server said `Retry-After`, such as when its queue is full.
     transport
         Of httpx, for tests.
     """
@@ -77,14 +74,15 @@ class Client:
         *,
         api_key: str | None = None,
         timeout_s: float = 30.0,
-        retry_waits_s: tuple[float, ...] = RETRY_WAITS_S,
+        retry_waits_s: tuple[float, ...] = WAITS_S,
+        patience_s: float = PATIENCE_S,
         transport: httpx.BaseTransport | None = None,
     ) -> None:
         self.url = url.rstrip("/")
-        self._retry_waits_s = retry_waits_s
-        key = os.environ.get("ARMATURE_API_KEY") if api_key is None else api_key
-        headers = {"Authorization": f"Bearer {key}"} if key else {}
-        self._http = httpx.Client(base_url=self.url, timeout=timeout_s, transport=transport, headers=headers)
+        self._policy = Policy(retry_waits_s, patience_s)
+        self._http = httpx.Client(
+            base_url=self.url, timeout=timeout_s, transport=transport, headers=authorization(api_key)
+        )
 
     def __enter__(self) -> Self:
         return self
@@ -96,13 +94,13 @@ class Client:
         """Close the connections."""
         self._http.close()
 
-    def submit(self, application: str | Path | Mapping[str, Any], *, idempotency_key: str | None = None) -> Application:
+    def submit(self, application: Content, *, idempotency_key: str | None = None) -> Application:
         """Submit an application.
 
         Parameters
         ----------
         application
-            Path of a YAML or JSON file, or its content.
+            Path of a YAML or JSON file, its content, or an `ApplicationBuilder`.
         idempotency_key
             A second submission with the same key and content returns the first one's application. Made up when None.
 
@@ -110,20 +108,18 @@ class Client:
         ------
         RefusedError
             The server refused it, and says each field, value and limit; nothing was stored.
+        TooManyRequestsError
+            Its queue stays full.
         ApplicationFileError
             The file cannot be read.
         ServerUnreachableError
             Nobody answers.
         """
-        content = dict(application) if isinstance(application, Mapping) else read_application(application)
-        answer = self._submit("/v1/applications", content, idempotency_key)
-        return Application(self, Accepted.model_validate_json(answer).id)
+        return Application(self, self.send(calls.submit(application, idempotency_key)))
 
-    def submit_sweep(self, sweep: str | Path | Mapping[str, Any], *, idempotency_key: str | None = None) -> Sweep:
+    def submit_sweep(self, sweep: Content, *, idempotency_key: str | None = None) -> Sweep:
         """Submit a base application and axes over its fields; parameters and errors as those of `submit`."""
-        content = dict(sweep) if isinstance(sweep, Mapping) else read_sweep(sweep)
-        answer = self._submit("/v1/sweeps", content, idempotency_key)
-        return Sweep(self, AcceptedSweep.model_validate_json(answer).id)
+        return Sweep(self, self.send(calls.submit_sweep(sweep, idempotency_key)))
 
     def sweep(self, sweep_id: str) -> Sweep:
         """A sweep that was submitted before; whether it exists shows at the first question."""
@@ -133,7 +129,7 @@ class Client:
         """All sweeps, newest first, fetched page by page as they are read."""
         cursor: str | None = None
         while True:
-            page = SweepList.model_validate_json(self._get("/v1/sweeps", {"cursor": cursor}))
+            page = self.send(calls.sweeps(cursor))
             yield from page.items
             if (cursor := page.next_cursor) is None:
                 return
@@ -142,26 +138,26 @@ class Client:
         """An application that was submitted before; whether it exists shows at the first question."""
         return Application(self, application_id)
 
+    def results(self, application_id: str) -> Results:
+        """Results of an application as pandas data frames and numpy arrays."""
+        return self.application(application_id).results()
+
     def applications(self, *, state: str | None = None, tag: str | None = None) -> Iterator[ApplicationItem]:
         """All applications, newest first, fetched page by page as they are read."""
         cursor: str | None = None
         while True:
-            page = ApplicationList.model_validate_json(
-                self._get("/v1/applications", {"cursor": cursor, "state": state, "tag": tag})
-            )
+            page = self.send(calls.applications(cursor, state, tag))
             yield from page.items
             if (cursor := page.next_cursor) is None:
                 return
 
     def robots(self) -> list[dict[str, str]]:
         """Presets and uploads: id, name, kind, description."""
-        items: list[dict[str, str]] = json.loads(self._get("/v1/robots"))["items"]
-        return items
+        return self.send(calls.robots())
 
     def robot(self, robot_id: str) -> dict[str, Any]:
         """A preset or an upload in the robot format."""
-        found: dict[str, Any] = json.loads(self._get(f"/v1/robots/{quote(robot_id, safe='')}"))
-        return found
+        return self.send(calls.robot(robot_id))
 
     def upload_robot(self, robot: str | Path | Mapping[str, Any]) -> str:
         """Keep a robot on the server; returns its id, to be named in applications.
@@ -171,17 +167,14 @@ class Client:
         robot
             Path of a file or its content: the robot format, or a URDF (its text, or in a file its name) with settings.
         """
-        content = dict(robot) if isinstance(robot, Mapping) else read_robot(robot)
-        return str(self.request("POST", "/v1/robots", json=content).json()["id"])
+        return self.send(calls.upload_robot(robot))
 
     def delete_robot(self, robot_id: str) -> None:
         """Forget an upload; applications that use it keep their copy."""
-        self.request("DELETE", f"/v1/robots/{quote(robot_id, safe='')}")
+        self.send(calls.delete_robot(robot_id))
 
-    def request(self, method: str, path: str, **options: Any) -> httpx.Response:
-        """One call, repeated while nobody answers or the server is busy.
-
-        A DELETE that is repeated and finds nothing was done the time before, when its answer was lost.
+    def send(self, call: Call[Answer]) -> Answer:
+        """Ask, and again while nobody answers or the server is busy.
 
         Raises
         ------
@@ -190,31 +183,23 @@ class Client:
         ProblemError
             The answer was not a success.
         """
-        for attempt, pause in enumerate((*self._retry_waits_s, None)):
+        attempts = Attempts(call.method, self.url, self._policy)
+        while True:
             try:
-                response = self._http.request(method, path, **options)
+                answer = self._http.request(**call.options())
             except httpx.TransportError as error:
-                if pause is None:
-                    raise ServerUnreachableError(self.url, str(error) or type(error).__name__) from error
+                pause: float | None = attempts.after_error(error)
             else:
-                deleted_before = method == "DELETE" and attempt > 0 and response.status_code == NOT_FOUND
-                if response.is_success or deleted_before:
-                    return response
-                if response.status_code != BUSY or pause is None:
-                    raise problem_of(response)
+                pause = attempts.after_answer(answer)
+            if pause is None:
+                return call.read(answer)
             time.sleep(pause)
-        raise AssertionError("the last attempt returns or raises")
 
-    def _submit(self, path: str, content: Mapping[str, Any], idempotency_key: str | None) -> bytes:
-        key = idempotency_key or new_idempotency_key()
-        # Values that JSON does not know (NaN, dates) travel as they are: the server names the field they are in.
-        body = json.dumps(content, allow_nan=True, default=str)
-        headers = {"Idempotency-Key": key, "Content-Type": "application/json"}
-        return self.request("POST", path, content=body, headers=headers).content
 
-    def _get(self, path: str, query: Mapping[str, Any] | None = None) -> bytes:
-        given = {name: value for name, value in (query or {}).items() if value is not None}
-        return self.request("GET", path, params=given).content
+def authorization(api_key: str | None) -> dict[str, str]:
+    """Headers that show a key: the one given, or the environment's, or none."""
+    key = os.environ.get("ARMATURE_API_KEY") if api_key is None else api_key
+    return {"Authorization": f"Bearer {key}"} if key else {}
 
 
 class Application:
@@ -223,24 +208,27 @@ class Application:
     def __init__(self, client: Client, application_id: str) -> None:
         self.client = client
         self.id = application_id
-        self._path = f"/v1/applications/{quote(application_id, safe='')}"
 
     def __repr__(self) -> str:
         return f"Application({self.id!r} at {self.client.url})"
 
     def status(self) -> ApplicationStatus:
         """State, progress, time left, versions."""
-        return ApplicationStatus.model_validate_json(self._get())
+        return self.client.send(calls.status(self.id))
 
     def wait(
-        self, progress: ProgressCallback | bool | None = None, *, timeout_s: float | None = None, poll_s: float = 0.5
+        self,
+        progress: Progress[ApplicationStatus] = None,
+        *,
+        timeout_s: float | None = None,
+        poll_s: float = 0.5,
     ) -> ApplicationStatus:
         """Wait for the end.
 
         Parameters
         ----------
         progress
-            True: bars in the terminal; or a function that is called with every status seen.
+            True: bars in the terminal or notebook; or a function that is called with every status seen.
         timeout_s
             Longest wait [s]; None: for ever.
         poll_s
@@ -256,74 +244,66 @@ class Application:
         TimeoutError
             The application goes on without being waited for.
         """
-        if progress is True:
-            from armature.progress import shown_progress
+        what = f"application {self.id}"
+        with look_until_final(progress, shown_progress, what=what, timeout_s=timeout_s) as over:
+            while not over(status := self.status()):
+                time.sleep(poll_s)
+        return status
 
-            with shown_progress() as show:
-                return self.wait(show, timeout_s=timeout_s, poll_s=poll_s)
-        show_it = progress if callable(progress) else None
-        return until_final(self.status, show_it, what=f"application {self.id}", timeout_s=timeout_s, poll_s=poll_s)
+    def results(self) -> Results:
+        """Results as pandas data frames and numpy arrays."""
+        return Results(self)
 
     def tasks(self) -> list[TaskResult]:
         """Every task with what is known of it so far, in order."""
         found: list[TaskResult] = []
-        cursor: str | None = "0"
-        while cursor is not None:
-            page = TaskList.model_validate_json(self._get("/tasks", {"cursor": cursor, "limit": TASKS_A_PAGE}))
+        cursor: str | None = None
+        while True:
+            page = self.client.send(calls.tasks(self.id, cursor))
             found += page.items
-            cursor = page.next_cursor
-        return found
+            if (cursor := page.next_cursor) is None:
+                return found
 
     def task(self, index: int) -> TaskResult:
         """One task."""
-        return TaskResult.model_validate_json(self._get(f"/tasks/{index}"))
+        return self.client.send(calls.task(self.id, index))
 
     def design(self, method: str | None = None) -> DesignAnswer:
         """The design for all tasks, motor by motor: dimensions, parameters, limits and what binds."""
-        return DesignAnswer.model_validate_json(self._get("/design", {"method": method}))
+        return self.client.send(calls.design(self.id, method))
 
     def designs(self) -> DesignsAnswer:
         """Every task's own design, their mean, and each method's design."""
-        return DesignsAnswer.model_validate_json(self._get("/designs"))
+        return self.client.send(calls.designs(self.id))
 
     def comparison(self) -> ComparisonAnswer:
         """Methods side by side, per task and in total, and their regret."""
-        return ComparisonAnswer.model_validate_json(self._get("/comparison"))
+        return self.client.send(calls.comparison(self.id))
 
     def trajectory(self, task: int, method: str | None = None) -> Trajectory:
         """A motion on its grid: the task's own (`own`), or with a method's design (default: the application's)."""
-        return Trajectory.model_validate_json(self._get(f"/tasks/{task}/trajectory", {"method": method}))
+        return self.client.send(calls.trajectory(self.id, task, method))
 
     def inputs(self) -> dict[str, Any]:
         """All that the results depend on: robot, motor, tasks and transcription with every default filled in."""
-        found: dict[str, Any] = json.loads(self._get("/inputs"))
-        return found
+        return self.client.send(calls.inputs(self.id))
 
     def report(self) -> str:
         """The report: one HTML file that asks for nothing else. The server takes a few seconds to draw it."""
-        answer = self.client.request("GET", f"{self._path}/report", timeout=REPORT_TIMEOUT_S)
-        return answer.content.decode()
+        return self.client.send(calls.report(self.id))
 
     def cancel(self) -> ApplicationStatus:
         """Ask for an end: queued jobs at once, running ones within a second or two."""
-        return ApplicationStatus.model_validate_json(self.client.request("POST", f"{self._path}/cancel").content)
+        return self.client.send(calls.cancel(self.id))
 
     def retry(self) -> ApplicationStatus:
         """Do again what failed, died or was cancelled, and what depends on it."""
-        return ApplicationStatus.model_validate_json(self.client.request("POST", f"{self._path}/retry").content)
+        return self.client.send(calls.retry(self.id))
 
     def delete(self) -> None:
         """Delete the application with all its results; cancel it first while it runs."""
-        self.client.request("DELETE", self._path)
+        self.client.send(calls.delete(self.id))
 
     def log(self, task: int, method: str | None = None) -> SolverLog:
         """Solver iterations of a task's motion (method as in `trajectory`)."""
-        return SolverLog.model_validate_json(self._get(f"/tasks/{task}/log", {"method": method}))
-
-    def _get(self, path: str = "", query: Mapping[str, Any] | None = None) -> bytes:
-        return self.client._get(f"{self._path}{path}", query)
-
-
-def new_idempotency_key() -> str:
-    """A key that no other submission has."""
-    return uuid.uuid4().hex
+        return self.client.send(calls.log(self.id, task, method))

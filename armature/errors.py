@@ -8,6 +8,8 @@ from typing import Any
 
 import httpx
 
+from armature.retry_after import retry_after_s
+
 
 class ArmatureError(Exception):
     """Base of every error that this package raises on purpose; its text is for people."""
@@ -19,6 +21,13 @@ class ServerUnreachableError(ArmatureError):
     def __init__(self, url: str, reason: str) -> None:
         super().__init__(f"no server answers at {url}: {reason}")
         self.url, self.reason = url, reason
+
+
+class UnexpectedAnswerError(ArmatureError):
+    """What answers is no Armature server, or one of another version."""
+
+    def __init__(self, url: str, expected: str) -> None:
+        super().__init__(f"the answer of {url} is not {expected}: no Armature server, or one of another version")
 
 
 class ApplicationFileError(ArmatureError):
@@ -82,8 +91,29 @@ class ConflictError(ProblemError):
     """An idempotency key belongs to another request."""
 
 
+class AccessError(ProblemError):
+    """The server asks for an API key, or does not know the one it was shown."""
+
+
+class TooManyRequestsError(ProblemError):
+    """The server wants fewer requests, or fewer jobs in its queue, for now.
+
+    Attributes
+    ----------
+    retry_after_s
+        After how long it wants to be asked again [s]; None: it does not say.
+    """
+
+    def __init__(self, status: int, document: Mapping[str, Any], retry_after_s: float | None = None) -> None:
+        super().__init__(status, document)
+        self.retry_after_s = retry_after_s
+
+
+TOO_MANY = 429
 _BY_STATUS: dict[int, type[ProblemError]] = {
     400: RefusedError,
+    401: AccessError,
+    403: AccessError,
     404: NotFoundError,
     409: ConflictError,
     413: RefusedError,
@@ -99,4 +129,6 @@ def problem_of(response: httpx.Response) -> ProblemError:
         document = None
     if not isinstance(document, dict):
         document = {"detail": f"HTTP {response.status_code} {response.reason_phrase}: {response.text[:200]}"}
+    if response.status_code == TOO_MANY:
+        return TooManyRequestsError(TOO_MANY, document, retry_after_s(response))
     return _BY_STATUS.get(response.status_code, ProblemError)(response.status_code, document)

@@ -1,4 +1,4 @@
-"""Progress of an application while it is waited for: bars in a terminal, plain lines elsewhere."""
+"""Progress of an application while it is waited for: bars in a terminal or a notebook, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from rich.spinner import Spinner
 from rich.table import Table
 from rich.text import Text
 
+from armature.notebook import Bars, NotebookBars, in_notebook
 from shared.contracts.results import ApplicationStatus, LatestResult, StageProgress
 from shared.domain import ApplicationState
 
@@ -45,6 +46,9 @@ def nothing_to_note() -> str | None:
 @contextmanager
 def shown_progress(console: Console | None = None, note: Note = nothing_to_note) -> Iterator[Show]:
     """Give a function that shows a status; call it with every new one."""
+    if console is None and in_notebook():
+        yield NotebookBars(_rows)
+        return
     console = console or Console(file=sys.stderr, highlight=False, markup=False)
     if not console.is_terminal:
         yield PlainProgress(console, note)
@@ -116,6 +120,11 @@ def _bars(status: ApplicationStatus, note: str | None, spinner: Spinner) -> Grou
         table.add_row(mark, STAGES[stage.name], bar, _counts(stage))
     remarks = Text("   " + " · ".join(_remarks(status, note)), "dim", no_wrap=True, overflow="ellipsis")
     return Group(table, remarks)
+
+
+def _rows(status: ApplicationStatus) -> Bars:
+    stages = [(STAGES[stage.name], done(stage), stage.total, _counts(stage)) for stage in status.progress.stages]
+    return Bars(stages, [status.state, *_remarks(status, None)])
 
 
 def _remarks(status: ApplicationStatus, note: str | None) -> list[str]:

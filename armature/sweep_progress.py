@@ -1,4 +1,4 @@
-"""Progress of a sweep while it is waited for: a bar in a terminal, plain lines elsewhere."""
+"""Progress of a sweep while it is waited for: a bar in a terminal or a notebook, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from rich.spinner import Spinner
 from rich.table import Table
 from rich.text import Text
 
+from armature.notebook import Bars, NotebookBars, in_notebook
 from armature.progress import BAR_WIDTH, NewLines, Note, nothing_to_note
 from shared.contracts.sweeps import SweepStatus
 from shared.domain import ApplicationState
@@ -23,6 +24,9 @@ def shown_sweep_progress(
     console: Console | None = None, note: Note = nothing_to_note
 ) -> Iterator[Callable[[SweepStatus], None]]:
     """Give a function that shows a status; call it with every new one."""
+    if console is None and in_notebook():
+        yield NotebookBars(_rows)
+        return
     console = console or Console(file=sys.stderr, highlight=False, markup=False)
     if not console.is_terminal:
         lines = NewLines(console)
@@ -49,6 +53,11 @@ def _bar(status: SweepStatus, note: str | None, spinner: Spinner) -> Group:
     table.add_row(mark, "applications", bar, f"{_ended(status)} of {total}")
     remarks = " · ".join(filter(None, [note, f"{_motions(status)} motions"]))
     return Group(table, Text(f"   {remarks}", "dim", no_wrap=True, overflow="ellipsis"))
+
+
+def _rows(status: SweepStatus) -> Bars:
+    ended, total = _ended(status), len(status.points)
+    return Bars([("applications", ended, total, f"{ended} of {total}")], [status.state, f"{_motions(status)} motions"])
 
 
 def _ended(status: SweepStatus) -> int:

@@ -1,10 +1,11 @@
-"""Wait for what a server works on."""
+"""When waiting for something that a server works on is over. Both clients ask here."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from typing import Protocol, TypeVar
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from typing import Any, Protocol, TypeVar
 
 from shared.domain import ApplicationState
 
@@ -18,38 +19,48 @@ class HasState(Protocol):
 
 
 Status = TypeVar("Status", bound=HasState)
+Progress = Callable[[Status], None] | bool | None
+"""True: a bar; or a function that is called with every status seen."""
+Shown = Callable[[], AbstractContextManager[Callable[[Any], None]]]
 
 
-def until_final(
-    ask: Callable[[], Status],
-    progress: Callable[[Status], None] | None,
-    *,
-    what: str,
-    timeout_s: float | None,
-    poll_s: float,
-) -> Status:
-    """Ask again and again, until the state is a final one.
+@contextmanager
+def look_until_final(
+    progress: Progress[Status], shown: Shown, *, what: str, timeout_s: float | None
+) -> Iterator[Callable[[Status], bool]]:
+    """Give a function that takes each status seen, and says whether it is the last.
 
     Parameters
     ----------
-    progress
-        Called with every status seen.
+    progress, shown
+        Called with every status seen; `shown` gives what `progress=True` means.
     what
         What is waited for, for the message of a time-out.
-    timeout_s, poll_s
-        Longest wait (None: for ever) and pause between two questions [s].
+    timeout_s
+        Longest wait [s]; None: for ever.
 
     Raises
     ------
     TimeoutError
+        By the function.
     """
     deadline = None if timeout_s is None else time.monotonic() + timeout_s
-    while True:
-        status = ask()
-        if progress is not None:
-            progress(status)
+
+    def over(status: Status) -> bool:
+        show(status)
         if ApplicationState(status.state).final:
-            return status
+            return True
         if deadline is not None and time.monotonic() > deadline:
             raise TimeoutError(f"{what} is {status.state} after {timeout_s} s")
-        time.sleep(poll_s)
+        return False
+
+    if progress is True:
+        with shown() as show:
+            yield over
+    else:
+        show = progress if callable(progress) else _show_nothing
+        yield over
+
+
+def _show_nothing(_: Any) -> None:
+    pass
