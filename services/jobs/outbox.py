@@ -14,6 +14,9 @@ from shared.db.tables import Outbox
 BATCH = 500
 MOST_DOUBLINGS = 6
 
+SENT_AND_WAITING = (Outbox.due_at > 0, Outbox.sent > 0)
+"""Sent, and not claimed since: `due_at` is not null, said so that SQLite too finds them by index."""
+
 
 def relay(
     engine: Engine, send: Callable[[str], None], resend_after_s: float, backlog: Callable[[], int] = lambda: 0
@@ -59,14 +62,14 @@ def recall(engine: Engine) -> int:
     For a broker that is empty although jobs wait: it lost its queue, and that is no reason to wait ever longer.
     """
     with transaction(engine) as session:
-        waiting = update(Outbox).where(Outbox.due_at.is_not(None), Outbox.sent > 0)
+        waiting = update(Outbox).where(*SENT_AND_WAITING)
         return len(session.execute(waiting.values(due_at=now(), sent=1).returning(Outbox.job_id)).all())
 
 
 def unclaimed(engine: Engine) -> int:
     """Count the jobs that were sent and not claimed since."""
     with reading(engine) as session:
-        return session.scalar(select(func.count()).where(Outbox.due_at.is_not(None), Outbox.sent > 0)) or 0
+        return session.scalar(select(func.count()).where(*SENT_AND_WAITING)) or 0
 
 
 def _put_off(session: Session, job_ids: list[str], seconds: float, sent: int | None = None) -> None:
