@@ -34,6 +34,8 @@ from tests.servers import postgres_database
 from tests.service.many_jobs import fill, request
 from tests.service.queue_actions import EXPIRED_LEASE_S, LONG_LEASE_S, outcome_of, rows
 
+pytestmark = pytest.mark.timeout(900)  # filling a database takes its time on a busy machine
+
 APPLICATIONS = 1000
 LARGE = frozenset({"applications", "jobs", "results", "job_transitions", "outbox", "designs", "stages", "sweep_points"})
 """Tables that grow with use; events do too, and are only ever found by their primary key."""
