@@ -9,9 +9,9 @@ COPY . .
 RUN /opt/armature/bin/pip install --no-cache-dir --no-deps --no-build-isolation .
 
 # The volume of compiled kernels takes its owner from this folder.
-RUN useradd --system --create-home --home-dir /var/lib/armature armature \
+RUN useradd --system --uid 10001 --user-group --create-home --home-dir /var/lib/armature armature \
     && install --directory --owner=armature /var/lib/armature/shared
-USER armature
+USER 10001
 ENV PATH=/opt/armature/bin:$PATH ARMATURE_HOME=/var/lib/armature PYTHONUNBUFFERED=1
 EXPOSE 8000
 CMD ["python", "-m", "api.main", "--host", "0.0.0.0", "--port", "8000"]
