@@ -41,7 +41,7 @@ LONGEST_RUN_S = 270.0
 
 ALWAYS = """
 color = false
-request-timeout = 10.0
+request-timeout = 60.0
 checks.positive_data_acceptance.enabled = false
 """
 """A request that its schema allows may still be refused: whether an arm reaches a pose is no matter of schemas."""
