@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TypeVar
 
 from sqlalchemy import Engine
@@ -43,13 +44,13 @@ def report_of(engine: Engine, application_id: str) -> Report:
 
 
 def _motion(engine: Engine, application_id: str, tasks: TaskList, method: str) -> tuple[Trajectory, ...]:
-    """The middle task's, or the first that there is."""
+    """The middle task's, or that of the task nearest to it which has one; none when it was taken back meanwhile."""
     middle = middle_task(tasks)
     for task in sorted(tasks.items, key=lambda task: abs(task.index - middle)):
-        if method in task.methods:
-            return (results.trajectory(engine, application_id, task.index, method),)
-        if task.own is not None:
-            return (results.trajectory(engine, application_id, task.index, OWN),)
+        name = method if method in task.methods else None if task.own is None else OWN
+        if name is not None:
+            found = _if_there(partial(results.trajectory, engine, application_id, task.index, name))
+            return () if found is None else (found,)
     return ()
 
 

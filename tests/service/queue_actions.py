@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any
 
+import numpy as np
 from sqlalchemy import Engine, select
 
+from services.codesign.design_sheet import design_sheet
+from services.codesign.motor_data import MotorData
 from services.jobs.claim import Claim, claim
 from services.jobs.finish import Outcome, finish
 from shared.db.engine import reading
@@ -31,7 +34,8 @@ OWN = {
     "iterations": 30,
     "solve_time_s": 0.1,
 }
-DESIGN = {"design_mm": [[30.0, 20.0, 40.0, 2.0, 6.0, 7.0, 2.0]] * 6, "motors": []}
+LENGTHS_MM = [[30.0, 20.0, 40.0, 2.0, 6.0, 7.0, 2.0]] * 6
+DESIGN = {"design_mm": LENGTHS_MM} | design_sheet(np.array(LENGTHS_MM) * 1e-3, MotorData())
 
 
 def outcome_of(held: Claim, failing: frozenset[int] = frozenset()) -> Outcome:

@@ -18,6 +18,7 @@ from services.jobs.resolve import resolve
 from services.jobs.resolved import ResolvedApplication
 from shared.contracts.application import ApplicationRequest
 from shared.settings import Settings
+from tests.service.queue_actions import drain
 from tests.service.requests import body, grid
 
 UPLOAD = "01a2108084689b4a3d6f0c"
@@ -68,3 +69,13 @@ def test_one_that_still_waits_has_a_report(http: httpx.Client) -> None:
     assert "Not finished: 0 of" in answer.text
     assert "script-src" not in answer.headers["content-security-policy"]
     assert http.get("/v1/applications/nothing/report").status_code == 404
+
+
+def test_one_whose_motions_are_gone_has_a_report(http: httpx.Client, engine: Engine) -> None:
+    """As between a retry and the new solve: results are listed, and their motions are not there any more."""
+    application = http.post("/v1/applications", json=body(name="solved without motions")).json()["id"]
+    drain(engine)
+    assert http.get(f"/v1/applications/{application}/tasks/0/trajectory").status_code == 404
+    answer = http.get(f"/v1/applications/{application}/report")
+    assert answer.status_code == 200, answer.text
+    assert "<h1>solved without motions</h1>" in answer.text
