@@ -25,7 +25,7 @@ test: lint ## lint, types, layers, then all tests
 	$(BIN)/pytest
 
 test-faults: $(READY_TO_DEVELOP) ## kill and freeze everything as often as docs/reliability.md says (a quarter of an hour)
-	$(BIN)/pytest tests/faults --full-faults
+	$(BIN)/pytest tests/faults --full-faults -n 2 --dist worksteal  # most of them wait most of the time
 
 bench: $(READY_TO_DEVELOP) ## measure the solver, and write the tables of docs/performance.md (half an hour)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.solve_time

