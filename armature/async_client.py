@@ -24,7 +24,7 @@ from armature.client import authorization
 from armature.frames import sweep_frame
 from armature.progress import shown_progress
 from armature.results import AsyncResults
-from armature.retries import PATIENCE_S, WAITS_S, Attempts, Policy
+from armature.retries import PATIENCE_S, WAITS_S, Attempts, OnWait, Policy
 from armature.sweep_progress import shown_sweep_progress
 from armature.waiting import Progress, look_until_final
 from shared.contracts.results import (
@@ -56,10 +56,11 @@ class AsyncClient:
         timeout_s: float = 30.0,
         retry_waits_s: tuple[float, ...] = WAITS_S,
         patience_s: float = PATIENCE_S,
+        on_wait: OnWait | None = None,
         transport: httpx.AsyncBaseTransport | None = None,
     ) -> None:
         self.url = url.rstrip("/")
-        self._policy = Policy(retry_waits_s, patience_s)
+        self._policy = Policy(retry_waits_s, patience_s, on_wait)
         self._http = httpx.AsyncClient(
             base_url=self.url, timeout=timeout_s, transport=transport, headers=authorization(api_key)
         )

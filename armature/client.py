@@ -25,7 +25,7 @@ from armature import calls
 from armature.calls import DEFAULT_URL, Call, Content, new_idempotency_key
 from armature.progress import shown_progress
 from armature.results import Results
-from armature.retries import PATIENCE_S, WAITS_S, Attempts, Policy
+from armature.retries import PATIENCE_S, WAITS_S, Attempts, OnWait, Policy
 from armature.sweep import Sweep
 from armature.waiting import Progress, look_until_final
 from shared.contracts.results import (
@@ -64,6 +64,8 @@ class Client:
         submission because it carries an idempotency key.
     patience_s
         How long a call waits in all [s] because the server said `Retry-After`, such as when its queue is full.
+    on_wait
+        Told of every such wait before it begins: how long [s], and why.
     transport
         Of httpx, for tests.
     """
@@ -76,10 +78,11 @@ class Client:
         timeout_s: float = 30.0,
         retry_waits_s: tuple[float, ...] = WAITS_S,
         patience_s: float = PATIENCE_S,
+        on_wait: OnWait | None = None,
         transport: httpx.BaseTransport | None = None,
     ) -> None:
         self.url = url.rstrip("/")
-        self._policy = Policy(retry_waits_s, patience_s)
+        self._policy = Policy(retry_waits_s, patience_s, on_wait)
         self._http = httpx.Client(
             base_url=self.url, timeout=timeout_s, transport=transport, headers=authorization(api_key)
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import httpx
@@ -15,6 +15,9 @@ WAITS_S = (0.1, 0.2, 0.4, 0.8, 1.6)
 
 PATIENCE_S = 60.0
 """How long in all a call waits as a server asks it to (`Retry-After`)."""
+
+OnWait = Callable[[float, str], None]
+"""Told how long a call waits [s], and why, before it waits because the server asked it to."""
 
 NOT_FOUND, TOO_MANY, BUSY = 404, 429, 503
 
@@ -29,10 +32,13 @@ class Policy:
         Pauses between attempts [s] when nobody answers, or the server is busy and does not say for how long.
     patience_s
         How long a call waits in all [s] because the server said `Retry-After`; 0: not at all.
+    on_wait
+        Told of every such wait before it begins.
     """
 
     waits_s: tuple[float, ...] = WAITS_S
     patience_s: float = PATIENCE_S
+    on_wait: OnWait | None = None
 
 
 class Attempts:
@@ -44,6 +50,7 @@ class Attempts:
 
     def __init__(self, method: str, url: str, policy: Policy) -> None:
         self._method, self._url, self._patience_s = method, url, policy.patience_s
+        self._on_wait = policy.on_wait
         self._waits: Iterator[float] = iter(policy.waits_s)
         self._repeated = False
 
@@ -86,4 +93,8 @@ class Attempts:
         if asked is None:
             return next(self._waits, None) if answer.status_code == BUSY else None
         self._patience_s -= asked
-        return asked if self._patience_s >= 0 else None
+        if self._patience_s < 0:
+            return None
+        if self._on_wait is not None:
+            self._on_wait(asked, problem_of(answer).detail)
+        return asked

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import typer
 
 from armature.cli import doctor, export, local, motions, operator, remote, report, robots, sweeps
 from armature.cli.exit_codes import HELP
 from armature.cli.failures import Commands
+from armature.cli.version import print_version
 
 app = typer.Typer(
     cls=Commands,
-    help="Co-design of robot-arm motors and motions.",
     epilog=HELP,
+    context_settings={"help_option_names": ["--help", "-h"]},
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
@@ -19,6 +22,16 @@ app = typer.Typer(
 
 HERE, SERVER = "On this machine", "Any server (--url or ARMATURE_URL)"
 OPERATOR = "For the operator (ARMATURE_DATABASE_URL)"
+
+
+@app.callback()
+def armature(
+    version: Annotated[
+        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Co-design of robot-arm motors and motions."""
+
 
 app.command(rich_help_panel=HERE)(local.run)
 app.command(rich_help_panel=HERE)(local.up)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import sys
-from typing import TextIO
+from typing import Any, Literal, TextIO
 
 from pydantic import BaseModel
 from rich.console import Console
@@ -27,6 +28,22 @@ def messages() -> Console:
     return _console(sys.stderr)
 
 
-def print_json(answer: BaseModel) -> None:
-    """A server's answer as it came, for programs."""
-    sys.stdout.write(answer.model_dump_json(indent=1) + "\n")
+class Deleted(BaseModel):
+    """Answer of every `delete`."""
+
+    id: str
+    deleted: Literal[True] = True
+
+
+def print_json(answer: Any) -> None:
+    """A server's answer as it came, or what JSON knows, for programs; at once, though the output may be a pipe."""
+    text = answer.model_dump_json(indent=1) if isinstance(answer, BaseModel) else json.dumps(answer, indent=1)
+    print(text, flush=True)
+
+
+def print_deleted(what: str, as_json: bool) -> None:
+    """That something is no more."""
+    if as_json:
+        print_json(Deleted(id=what))
+    else:
+        output().print(f"{what} deleted")

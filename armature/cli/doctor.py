@@ -30,7 +30,7 @@ def doctor(
 
     Exit code 0: the service can run, whatever the warnings; 1: it cannot.
     """
-    from armature.doctor import examine, healthy  # slow to import: it brings the database's library
+    from armature.doctor.examine import examine, healthy  # slow to import: it brings the database's library
     from shared.settings import Settings
 
     findings = []

@@ -11,7 +11,8 @@ from pydantic import BaseModel
 
 from armature.cli.consoles import messages, output, print_json
 from armature.cli.exit_codes import ExitCode
-from armature.cli.remote import Id, Json, Url, open_application
+from armature.cli.remote import Id
+from armature.cli.server import Json, Url, open_application
 from armature.client import DEFAULT_URL, Application
 from armature.errors import NotFoundError
 from armature.export.files import TABULAR, Format, write_designs, write_motion

@@ -11,13 +11,16 @@ from typer.core import TyperGroup
 from armature.cli.consoles import messages
 from armature.cli.exit_codes import ExitCode
 from armature.errors import (
+    AccessError,
     ApplicationFileError,
     ArmatureError,
     NotFoundError,
     ProblemError,
     RefusedError,
     ServerUnreachableError,
+    TooManyRequestsError,
 )
+from armature.retries import BUSY, TOO_MANY
 
 
 class Commands(TyperGroup):
@@ -42,11 +45,19 @@ def exit_code(error: ArmatureError) -> ExitCode:
         return ExitCode.NOT_FOUND
     if isinstance(error, ServerUnreachableError):
         return ExitCode.UNREACHABLE
+    if isinstance(error, AccessError):
+        return ExitCode.NO_ACCESS
+    if isinstance(error, ProblemError) and error.status in (TOO_MANY, BUSY):
+        return ExitCode.BUSY
     return ExitCode.ERROR
 
 
 def explain(console: Console, error: ArmatureError) -> None:
     """What a person is told."""
+    if isinstance(error, TooManyRequestsError):
+        again = "" if error.retry_after_s is None else f"; it asks to wait {error.retry_after_s:.0f} s"
+        _say(console, f"the server has too much to do: {error.detail}{again}")
+        return
     if isinstance(error, ProblemError) and error.errors:
         _say(console, "refused:")
         for problem in error.errors:
@@ -54,6 +65,8 @@ def explain(console: Console, error: ArmatureError) -> None:
             console.print(f"  {problem.field}{value}: {problem.limit}", soft_wrap=True)
         return
     _say(console, str(error))
+    if isinstance(error, AccessError):
+        _say(console, "give a key in ARMATURE_API_KEY; 'armature key create NAME' makes one")
     if isinstance(error, ServerUnreachableError):
         _say(console, "start one with 'armature up', or name another with --url or ARMATURE_URL")
 

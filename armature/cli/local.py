@@ -8,21 +8,32 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from pydantic import BaseModel
 
 from armature.application_file import read_application
 from armature.cli.consoles import messages, output, print_json
 from armature.cli.embedded import Workers, started, submit_and_follow
 from armature.cli.exit_codes import exit_code_of
 from armature.cli.reference import reference_beside
+from armature.cli.server import Json, ask
 from armature.cli.show_results import show_results
-from armature.client import Client, new_idempotency_key
-from armature.processes import LOOPBACK, Place, interrupt_on_signals
+from armature.client import new_idempotency_key
+from armature.processes import LOOPBACK, Place, Service, interrupt_on_signals
 from armature.progress import shown_progress
 from armature.save import save_results
 from armature.whole_files import whole_file
 from shared.settings import Settings
 
 LOOK_EVERY_S = 0.25
+
+
+class Listening(BaseModel):
+    """Answer of `up`."""
+
+    url: str
+    workers: int
+    database: str
+    logs: str
 
 
 def run(
@@ -41,7 +52,7 @@ def run(
     settings = Settings()
     console = messages()
     place = Place(workers=workers or settings.workers)
-    with started(console, settings, place) as service, Client(service.url) as client:
+    with started(console, settings, place) as service, ask(service.url) as client:
         key = new_idempotency_key()
         submit = partial(client.submit, request, idempotency_key=key)
         application = submit_and_follow(console, service, settings, submit, shown_progress)
@@ -64,6 +75,7 @@ def up(
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the API; 0: any free one.")] = 8000,
     host: Annotated[str, typer.Option(help="Address to listen on; 0.0.0.0: all of this machine's.")] = LOOPBACK,
     workers: Workers = None,
+    as_json: Json = False,
 ) -> None:
     """Start API, relay and workers on this machine, until Ctrl-C.
 
@@ -75,10 +87,7 @@ def up(
     place = Place(host, port, workers or settings.workers, settings.drain_s)
     console = messages()
     with started(console, settings, place) as service:
-        output().print(f"Armature listens on {service.url} with {place.workers} solver processes", soft_wrap=True)
-        console.print(f"open:     {service.url} in a browser")
-        console.print(f"database: {_without_password(settings.database_url)}\nlogs:     {service.logs}")
-        console.print(f"submit:   armature submit FILE --url {service.url}\nCtrl-C stops it")
+        _say_where(service, place, settings, as_json)
         try:
             while True:
                 service.check()
@@ -94,6 +103,20 @@ def _figures(folder: Path) -> list[Path]:
     from services.report.figures import write_figures
 
     return write_figures(read_answers(folder), folder / "figures")
+
+
+def _say_where(service: Service, place: Place, settings: Settings, as_json: bool) -> None:
+    """At once, though the output may be a pipe: whoever started this waits for the address."""
+    database = _without_password(settings.database_url)
+    console = messages()
+    if as_json:
+        print_json(Listening(url=service.url, workers=place.workers, database=database, logs=str(service.logs)))
+    else:
+        output().print(f"Armature listens on {service.url} with {place.workers} solver processes", soft_wrap=True)
+        console.print(f"open:     {service.url} in a browser")
+        console.print(f"database: {database}\nlogs:     {service.logs}")
+        console.print(f"submit:   armature submit FILE --url {service.url}")
+    console.print("Ctrl-C stops it")
 
 
 def _without_password(database_url: str) -> str:

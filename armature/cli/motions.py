@@ -8,7 +8,8 @@ import typer
 
 from armature.cli.consoles import output, print_json
 from armature.cli.layout import new_table, print_table
-from armature.cli.remote import Id, Json, Url, open_application
+from armature.cli.remote import Id
+from armature.cli.server import Json, Url, open_application
 from armature.client import DEFAULT_URL
 
 Task = Annotated[int, typer.Argument(metavar="TASK", min=0, help="The task's index, from tasks.", show_default=False)]

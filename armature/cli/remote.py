@@ -5,33 +5,31 @@ Each is a few lines over `armature.Client`. With `--json` they print what the se
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
-from pydantic import BaseModel
 
 from armature.cli import tables
-from armature.cli.consoles import messages, output, print_json
+from armature.cli.completion import application_ids
+from armature.cli.consoles import messages, output, print_deleted, print_json
 from armature.cli.exit_codes import exit_code_of
-from armature.client import DEFAULT_URL, Application, Client
+from armature.cli.server import Json, Url, ask, open_application
+from armature.client import DEFAULT_URL
 from armature.progress import shown_progress
 from shared.contracts.results import Accepted, ApplicationList, TaskList
 from shared.domain import ApplicationState
 
-Url = Annotated[str, typer.Option(envvar="ARMATURE_URL", help="Address of the server.")]
-Json = Annotated[bool, typer.Option("--json", help="Print the server's answer as JSON.")]
-Id = Annotated[str, typer.Argument(metavar="ID", help="The application's id, from submit or list.", show_default=False)]
-
-
-class Deleted(BaseModel):
-    """Answer of `delete`."""
-
-    id: str
-    deleted: Literal[True] = True
+Id = Annotated[
+    str,
+    typer.Argument(
+        metavar="ID",
+        help="The application's id, from submit or list.",
+        show_default=False,
+        autocompletion=application_ids,
+    ),
+]
 
 
 def submit(
@@ -40,7 +38,7 @@ def submit(
     as_json: Json = False,
 ) -> None:
     """Submit an application and print its id."""
-    with Client(url) as client:
+    with ask(url) as client:
         application = client.submit(file)
         if as_json:
             status = application.status()
@@ -156,10 +154,7 @@ def delete(
         typer.confirm(f"delete application {application_id} with all its results?", abort=True, err=True)
     with open_application(url, application_id) as application:
         application.delete()
-    if as_json:
-        print_json(Deleted(id=application_id))
-    else:
-        output().print(f"{application_id} deleted")
+    print_deleted(application_id, as_json)
 
 
 def list_applications(
@@ -170,16 +165,9 @@ def list_applications(
     as_json: Json = False,
 ) -> None:
     """Applications, newest first."""
-    with Client(url) as client:
+    with ask(url) as client:
         found = list(islice(client.applications(state=state, tag=tag), limit))
     if as_json:
         print_json(ApplicationList(items=found, next_cursor=None))
     else:
         tables.print_list(output(), found)
-
-
-@contextmanager
-def open_application(url: str, application_id: str) -> Iterator[Application]:
-    """The application, while its client is open."""
-    with Client(url) as client:
-        yield client.application(application_id)

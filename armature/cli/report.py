@@ -13,7 +13,8 @@ import typer
 from pydantic import BaseModel
 
 from armature.cli.consoles import messages, output, print_json
-from armature.cli.remote import Id, Json, Url, open_application
+from armature.cli.remote import Id
+from armature.cli.server import Json, Url, open_application
 from armature.client import DEFAULT_URL
 from armature.errors import NotFoundError
 from armature.whole_files import whole_file

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -12,27 +10,26 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armature.application_file import read_robot
-from armature.cli.consoles import messages, output
+from armature.cli.completion import robot_ids
+from armature.cli.consoles import messages, output, print_deleted, print_json
 from armature.cli.exit_codes import ExitCode
 from armature.cli.layout import new_table, print_table
-from armature.client import DEFAULT_URL, Client
+from armature.cli.server import Json, Url, ask
+from armature.client import DEFAULT_URL
 
 if TYPE_CHECKING:
     from services.codesign.robot import Robot
 
 app = typer.Typer(help="Robots: presets, files, uploads.", no_args_is_help=True)
 
-Url = Annotated[str, typer.Option(envvar="ARMATURE_URL", help="Address of the server.")]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-
 
 @app.command("list")
 def list_all(url: Url = DEFAULT_URL, as_json: Json = False) -> None:
     """Presets and uploaded robots of a server."""
-    with Client(url) as client:
+    with ask(url) as client:
         found = client.robots()
     if as_json:
-        _print_json(found)
+        print_json(found)
         return
     table = new_table("id", "name", "kind", "description", left=4)
     for robot in found:
@@ -42,28 +39,40 @@ def list_all(url: Url = DEFAULT_URL, as_json: Json = False) -> None:
 
 @app.command()
 def show(
-    robot: Annotated[str, typer.Argument(metavar="ID|PRESET", show_default=False)], url: Url = DEFAULT_URL
+    robot: Annotated[str, typer.Argument(metavar="ID|PRESET", show_default=False, autocompletion=robot_ids)],
+    url: Url = DEFAULT_URL,
+    _as_json: Annotated[bool, typer.Option("--json", help="As without: it is always JSON.")] = True,
 ) -> None:
     """A robot of a server in the robot format, a JSON that can be edited and uploaded."""
-    with Client(url) as client:
-        _print_json(client.robot(robot))
+    with ask(url) as client:
+        print_json(client.robot(robot))
 
 
 @app.command()
 def upload(
     file: Annotated[Path, typer.Argument(help="The robot format, or a URDF's settings in YAML.", show_default=False)],
     url: Url = DEFAULT_URL,
+    as_json: Json = False,
 ) -> None:
     """Keep a robot on a server and print its id, to be named in applications."""
-    with Client(url) as client:
-        output().print(client.upload_robot(file))
+    with ask(url) as client:
+        robot = client.upload_robot(file)
+    if as_json:
+        print_json({"id": robot, "url": f"/v1/robots/{robot}"})
+    else:
+        output().print(robot)
 
 
 @app.command()
-def delete(robot: Annotated[str, typer.Argument(metavar="ID", show_default=False)], url: Url = DEFAULT_URL) -> None:
+def delete(
+    robot: Annotated[str, typer.Argument(metavar="ID", show_default=False, autocompletion=robot_ids)],
+    url: Url = DEFAULT_URL,
+    as_json: Json = False,
+) -> None:
     """Forget an uploaded robot; applications that use it keep their copy."""
-    with Client(url) as client:
+    with ask(url) as client:
         client.delete_robot(robot)
+    print_deleted(robot, as_json)
 
 
 @app.command()
@@ -94,7 +103,7 @@ def check(
     if draw is not None:
         _draw(arm, draw)
     if as_json:
-        _print_json([asdict(finding) for finding in findings])
+        print_json([asdict(finding) for finding in findings])
     else:
         _print_arm(arm)
         for finding in findings:
@@ -131,7 +140,3 @@ def _draw(arm: Robot, path: Path) -> None:
 
     with style():
         save(arm_drawing(arm), path)
-
-
-def _print_json(content: Any) -> None:
-    sys.stdout.write(json.dumps(content, indent=1) + "\n")

@@ -13,12 +13,13 @@ from typing import Annotated
 import typer
 
 from armature.application_file import read_sweep
-from armature.cli.consoles import messages, output, print_json
+from armature.cli.completion import sweep_ids
+from armature.cli.consoles import messages, output, print_deleted, print_json
 from armature.cli.embedded import Workers, started, submit_and_follow
 from armature.cli.exit_codes import exit_code_of
-from armature.cli.remote import Deleted, Json, Url
+from armature.cli.server import Json, Url, ask
 from armature.cli.sweep_tables import print_sweep, print_sweeps
-from armature.client import DEFAULT_URL, Client, new_idempotency_key
+from armature.client import DEFAULT_URL, new_idempotency_key
 from armature.processes import Place, interrupt_on_signals
 from armature.save import save_sweep
 from armature.sweep import Sweep
@@ -29,7 +30,12 @@ from shared.settings import Settings
 app = typer.Typer(help="Sweeps: one application for every combination of values.", no_args_is_help=True)
 
 File = Annotated[Path, typer.Argument(metavar="FILE", help="A sweep, YAML or JSON.", show_default=False)]
-Id = Annotated[str, typer.Argument(metavar="ID", help="The sweep's id, from submit or list.", show_default=False)]
+Id = Annotated[
+    str,
+    typer.Argument(
+        metavar="ID", help="The sweep's id, from submit or list.", show_default=False, autocompletion=sweep_ids
+    ),
+]
 Csv = Annotated[bool, typer.Option("--csv", help="Print the table as CSV, with every method and design.")]
 Method = Annotated[str | None, typer.Option(help="own, or a method; default: each application's own.")]
 
@@ -52,7 +58,7 @@ def run(
     interrupt_on_signals()
     request, settings, console = read_sweep(file), Settings(), messages()
     place = Place(workers=workers or settings.workers)
-    with started(console, settings, place) as service, Client(service.url) as client:
+    with started(console, settings, place) as service, ask(service.url) as client:
         submit = partial(client.submit_sweep, request, idempotency_key=new_idempotency_key())
         sweep = submit_and_follow(console, service, settings, submit, shown_sweep_progress)
         folder = save_sweep(sweep, out, request)
@@ -66,7 +72,7 @@ def run(
 @app.command()
 def submit(file: File, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
     """Submit a sweep and print its id."""
-    with Client(url) as client:
+    with ask(url) as client:
         sweep = client.submit_sweep(file)
         if as_json:
             points = sweep.status().points
@@ -110,7 +116,7 @@ def list_all(
     as_json: Json = False,
 ) -> None:
     """Sweeps, newest first."""
-    with Client(url) as client:
+    with ask(url) as client:
         found = list(islice(client.sweeps(), limit))
     if as_json:
         print_json(SweepList(items=found, next_cursor=None))
@@ -141,10 +147,7 @@ def delete(
         typer.confirm(f"delete sweep {sweep_id} with all its applications?", abort=True, err=True)
     with _open(url, sweep_id) as sweep:
         sweep.delete()
-    if as_json:
-        print_json(Deleted(id=sweep_id))
-    else:
-        output().print(f"{sweep_id} deleted")
+    print_deleted(sweep_id, as_json)
 
 
 def _front(status: SweepStatus, path: Path) -> Path | None:
@@ -160,7 +163,7 @@ def _front(status: SweepStatus, path: Path) -> Path | None:
 
 @contextmanager
 def _open(url: str, sweep_id: str) -> Iterator[Sweep]:
-    with Client(url) as client:
+    with ask(url) as client:
         yield client.sweep(sweep_id)
 
 

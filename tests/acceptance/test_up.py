@@ -15,7 +15,16 @@ import pytest
 
 from armature.processes import Place, ServiceError, running_service
 from shared.settings import Settings
-from tests.acceptance.cli import armature, interrupt, processes_of, quick_copy, read_until, start, wait_until_gone
+from tests.acceptance.cli import (
+    EXAMPLES,
+    armature,
+    interrupt,
+    processes_of,
+    quick_copy,
+    read_until,
+    start,
+    wait_until_gone,
+)
 from tests.conftest import home_with_kernels
 from tests.servers import free_port
 
@@ -92,6 +101,36 @@ def test_json(server: Server, finished: str) -> None:
     assert [item["id"] for item in server.ask_json("list")["items"]] == [finished]
     assert server.ask_json("watch", finished)["id"] == finished
     assert server.ask_json("cancel", finished)["state"] == "succeeded"  # nothing left to cancel
+
+
+def test_robots_as_json(server: Server) -> None:
+    """Uploaded, listed, shown, and forgotten."""
+    robot = server.ask_json("robot", "upload", EXAMPLES / "my_arm.yaml")["id"]
+    assert robot in [item["id"] for item in server.ask_json("robot", "list")]
+    assert server.ask_json("robot", "show", robot)["gear_ratio"] == [100.0] * 3
+    assert server.ask_json("robot", "delete", robot) == {"id": robot, "deleted": True}
+    assert robot not in [item["id"] for item in server.ask_json("robot", "list")]
+
+
+def test_a_server_says_where_it_is_as_json(home: Path) -> None:
+    """For whoever starts it from a program."""
+    process = start(home, "up", "--json", "--port", "0", "--workers", "1")
+    said = json.loads("".join(read_until(process.stdout, "}")))
+    assert armature(home, "list", "--url", said["url"]).returncode == 0
+    assert (said["workers"], Path(said["logs"]).is_dir()) == (1, True)
+    rest, _ = interrupt(process)
+    assert (rest, process.returncode) == ("", 130)
+
+
+@pytest.mark.parametrize("name", ["bash", "zsh", "fish"])
+def test_tab_offers_the_ids_that_the_server_has(server: Server, finished: str, name: str) -> None:
+    """In bash the words and the place of the cursor, in the others the line."""
+    typed = f"armature status {finished[:4]}"
+    line = {"COMP_WORDS": typed, "COMP_CWORD": "2"} if name == "bash" else {"_TYPER_COMPLETE_ARGS": typed}
+    asked = {"_ARMATURE_COMPLETE": f"complete_{name}", "_TYPER_COMPLETE_FISH_ACTION": "get-args", **line}
+    assert finished in armature(server.home, ARMATURE_URL=server.url, **asked).stdout
+    nobody = f"http://127.0.0.1:{free_port()}"
+    assert finished not in armature(server.home, ARMATURE_URL=nobody, **asked).stdout
 
 
 def test_what_there_is_not(server: Server, finished: str) -> None:

@@ -14,7 +14,8 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from armature.cli.commands import app
-from armature.doctor import Finding, Level, healthy
+from armature.doctor.examine import healthy
+from armature.doctor.finding import Finding, Level
 from armature.doctor.machine import compiler, cores, disk, kernel_cache, memory
 from armature.doctor.solver import judged, trial_solve
 from armature.doctor.stores import broker, database
