@@ -38,6 +38,12 @@ REGRET = (
     "regret: how much worse than giving each task motors of its own ('own'), a bound that no single design can beat."
 )
 
+JUDGED = "judged by: what the design is for, the objective over the tasks with their weights (objective.over_tasks)."
+SAME = 1e-9
+"""Relative difference of two figures that are the same but for the order of additions."""
+SHOWN_PERCENT = 0.005
+"""A difference that rounds to 0.00 percent is none: solves end within their tolerance."""
+
 
 def print_status(console: Console, status: ApplicationStatus) -> None:
     """An application in a few lines."""
@@ -215,13 +221,16 @@ def _print_limits(console: Console, comparison: ComparisonAnswer) -> None:
 
 def _totals(comparison: ComparisonAnswer, reference: Reference | None) -> Table:
     weighted = comparison.unit == "1"
+    judged = comparison.judged if _is_judged_apart(comparison) else {}
     columns = ["method", *(["weighted sum"] if weighted else [])]
+    columns += [f"judged by\n{comparison.unit}" if comparison.unit != "1" else "judged by"] if judged else []
     columns += ["time\ns", "energy\nV2 s", "electrical\nJ", "copper\nJ", "regret\n%"]
     columns += [] if reference is None else [f"reference\n{comparison.unit}", "differs\n%"]
     table = new_table(*columns)
     for name, method in comparison.methods.items():
         regret = comparison.regret.get(name)
         row = [name, *([f"{method.total_objective:.4f}"] if weighted else [])]
+        row += [f"{judged[name]:.4f}"] if judged else []
         row += [f"{method.total_time_s:.4f}", f"{method.total_energy_V2s:.1f}"]
         row += [f"{method.total_electrical_energy_J:.1f}", f"{method.total_copper_loss_J:.1f}"]
         row += ["-" if regret is None or regret.total is None else f"{100 * regret.total:.2f}"]
@@ -249,16 +258,32 @@ def print_reference_tasks(console: Console, reference: Reference, tasks: Iterabl
     print_table(console, "Single tasks", table)
 
 
+def _is_judged_apart(comparison: ComparisonAnswer) -> bool:
+    """Whether weights or the worst task make what a design is judged by another figure than the plain total."""
+    return any(
+        abs(value - comparison.methods[name].total_objective) > SAME * abs(value)
+        for name, value in comparison.judged.items()
+    )
+
+
 def _verdict(comparison: ComparisonAnswer) -> list[str]:
-    """When another method beats the application's own, that is said."""
-    totals = {name: method.total_objective for name, method in comparison.methods.items() if name != OWN}
-    if len(totals) < 2:
-        return []
-    chosen, best = next(iter(totals)), min(totals, key=lambda name: totals[name])
-    if best == chosen:
-        return []
-    percent = 100 * (totals[chosen] / totals[best] - 1)
-    return [f"{best} does better than {chosen} here: with {chosen} the total is {percent:.2f} percent higher."]
+    """When another method beats the application's own, by what a design is for, that is said."""
+    totals = {name: method.total_objective for name, method in comparison.methods.items()}
+    judged = {name: value for name, value in (comparison.judged or totals).items() if name != OWN}
+    lines = [JUDGED] if _is_judged_apart(comparison) else []
+    if len(judged) < 2:
+        return lines
+    chosen, best = next(iter(judged)), min(judged, key=lambda name: judged[name])
+    percent = 100 * (judged[chosen] - judged[best]) / abs(judged[best]) if judged[best] else 0.0
+    if percent < SHOWN_PERCENT:
+        return lines
+    what = "what it is judged by" if lines else "the total"
+    undone = len(set(comparison.unsolved.get(best, [])) - set(comparison.unsolved.get(chosen, [])))
+    but = f" But {best} has no motion for {undone} task{'s' * (undone > 1)} that {chosen} does." if undone else ""
+    return [
+        *lines,
+        f"{best} does better than {chosen} here: with {chosen} {what} is {percent:.2f} percent higher.{but}",
+    ]
 
 
 def _explanations(comparison: ComparisonAnswer, reference: Reference | None) -> list[str]:

@@ -110,6 +110,12 @@ def comparison(engine: Engine, application_id: str) -> wire.ComparisonAnswer:
             name: wire.Regret(total=sums.total_regret[name], per_task=[sums.regret[name][k] for k in sums.counted])
             for name in values
         },
+        judged={
+            name: resolved.over_tasks({k: results[k]["objective"] for k in sums.counted})
+            for name, results in present.items()
+            if sums.counted
+        },
+        unsolved={name: list(tasks) for name, tasks in sums.failed.items()},
         scattered=list(_scattered(resolved, sums.counted, present)),
         limits={
             name: _limits(resolved, {k: results[k] for k in sums.counted}, shared.get(name, {}))

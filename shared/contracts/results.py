@@ -393,6 +393,10 @@ class ComparisonAnswer(BaseModel):
     grid: GridRequest | None
     methods: dict[str, MethodTotals]
     regret: dict[str, Regret]
+    judged: dict[str, float] = Field(
+        {}, description="by method, what a design is for: `objective.over_tasks` of the tasks compared, with weights"
+    )
+    unsolved: dict[str, list[int]] = Field({}, description="by method, the tasks that it has no motion for")
     scattered: list[ScatteredTask] = Field([], description="with scatter: each task given, over its samples")
     limits: dict[str, list[LimitCost]] = Field(
         {}, description="by method, the limits that bind, the most rewarding first"

@@ -69,6 +69,10 @@ def test_it_beats_every_other_method(engine: Engine, settings: Settings) -> None
         assert session.get_one(Application, application_id).state == ApplicationState.SUCCEEDED
     compared = results.comparison(engine, application_id)
     assert set(compared.methods) == {"own", "shared_optimum", "two_step", "empirical", "worst_case"}
+    assert compared.judged == {
+        name: pytest.approx(found.weighted_objective) for name, found in compared.methods.items()
+    }
+    assert not any(compared.unsolved.values())
 
     def weighted(method: str) -> float:
         short, long = (task["objective"] for task in compared.methods[method].per_task)
@@ -136,7 +140,11 @@ def test_the_worst_task_falls_and_its_share_is_told(engine: Engine, settings: Se
         objective = {"kind": "time", "over_tasks": {"kind": kind}}
         application_id, _ = submit(engine, settings, request(objective=objective))
         run(engine)
-        found[kind] = results.comparison(engine, application_id).methods["shared_optimum"]
+        answer = results.comparison(engine, application_id)
+        found[kind] = answer.methods["shared_optimum"]
+        assert min(answer.judged, key=lambda name: (name == "own", answer.judged[name])) == "shared_optimum"
+    three_times_the_worst = 3.0 * found["worst"].worst_objective  # weights 2 and 1
+    assert answer.judged["shared_optimum"] == pytest.approx(three_times_the_worst)
     assert found["worst"].worst_task == 1
     assert found["worst"].worst_objective < found["sum"].worst_objective
     assert found["worst"].weighted_objective > found["sum"].weighted_objective

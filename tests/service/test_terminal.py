@@ -176,6 +176,32 @@ def test_a_better_method_is_named() -> None:
     )
 
 
+def test_methods_are_judged_by_what_the_design_is_for() -> None:
+    """Two-step has the better total, the worst task is the other way round, and that one was asked for."""
+    totals = {"own": [1.0, 1.0], "shared_optimum": [1.2, 1.2], "two_step": [1.0, 1.3]}
+    answer = comparison(totals, [0, 1]).model_copy(
+        update={"judged": {"own": 2.0, "shared_optimum": 2.4, "two_step": 2.6}}
+    )
+    out, written = console()
+    tables.print_comparison(out, answer)
+    assert "does better" not in written.getvalue()
+    assert "judged by: what the design is for" in written.getvalue()
+    assert next(line for line in written.getvalue().splitlines() if line.startswith("two_step")).split()[1] == "2.6000"
+
+
+def test_a_better_method_that_does_fewer_tasks_is_called_so() -> None:
+    answer = comparison({"own": [1], "shared_optimum": [1.2], "two_step": [1.0]}, [0])
+    out, written = console()
+    tables.print_comparison(out, answer.model_copy(update={"unsolved": {"two_step": [1, 2]}}))
+    assert "But two_step has no motion for 2 tasks that shared_optimum does." in written.getvalue()
+
+
+def test_a_difference_within_the_tolerance_of_a_solve_is_none() -> None:
+    out, written = console()
+    tables.print_comparison(out, comparison({"own": [1], "shared_optimum": [1.00001], "two_step": [1.0]}, [0]))
+    assert "does better" not in written.getvalue()
+
+
 def test_names_with_brackets_are_printed_as_they_are() -> None:
     """Rich would take them for its markup."""
     out, written = console()

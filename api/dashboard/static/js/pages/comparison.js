@@ -95,8 +95,21 @@ function totals(status, comparison, overview) {
     h("h2", {}, `Totals over ${compared === all ? count(all, "task") : `the ${compared} of ${all} tasks that every method solved`}`),
     Object.entries(comparison.missing).map(([name, why]) => h("p", { class: "notice" }, `${methodName(name)} ${why}.`)),
     compared === 0 ? h("p", { class: "empty" }, "Nothing to compare yet.") : totalsTable(status, comparison, names),
+    isJudgedApart(comparison) ? h("p", { class: "hint" }, "Judged by: what the design is for, the objective over the tasks with their weights, their sum or the worst as asked.") : null,
+    undone(comparison, names).map((text) => h("p", { class: "notice" }, text)),
     h("p", { class: "hint" }, "Regret: how much more the objective is than with motors of each task's own, which is a bound for every method."),
   );
+}
+
+/** Whether weights or the worst task make what a design is judged by another figure than the plain total. */
+function isJudgedApart(comparison) {
+  return Object.entries(comparison.judged).some(([name, value]) => Math.abs(value - comparison.methods[name].total_objective) > 1e-9 * Math.abs(value));
+}
+
+/** Who cannot do every task, since totals leave those tasks out for all. */
+function undone(comparison, names) {
+  const left = (name) => comparison.unsolved[name]?.length ?? 0;
+  return names.filter((name) => left(name) > 0).map((name) => `${methodName(name)}: no motion for ${count(left(name), "task")}.`);
 }
 
 function totalsTable(status, comparison, names) {
@@ -109,6 +122,7 @@ function totalsTable(status, comparison, names) {
   ]
     .slice(status.objective.kind === "weighted" ? 0 : 1)
     .map(([label, key, wire]) => [label, aligned(names.map((name) => comparison.methods[name][key]), wire)]);
+  if (isJudgedApart(comparison)) columns.unshift(["Judged by", aligned(names.map((name) => comparison.judged[name]), comparison.unit)]);
   const regret = (name) => {
     const total = comparison.regret[name]?.total;
     return name === "own" ? "bound" : total === null || total === undefined ? "–" : `${signed(100 * total)} %`;

@@ -1,0 +1,131 @@
+"""Applications are run once, through the embedded service, and what it answers is kept.
+
+A study is a mapping from names to requests. What is stored already for the same request is not run again, and every
+answer is stored as soon as it is there: an interrupted study goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from armature.client import Client
+from armature.processes import Place, running_service
+from services.codesign.kernels import default_cache
+from shared.contracts.results import ApplicationStatus, ComparisonAnswer, DesignsAnswer, TaskList
+from shared.contracts.sweeps import SweepStatus
+from shared.settings import Settings
+
+RESULTS = Path(__file__).parents[1] / "results"
+DIGITS = 9
+"""Significant digits that are kept: three more than the solver's tolerance gives."""
+
+PAPER = {"scheme": "radau", "degree": 1, "intervals": 50, "control": "voltage"}
+ALL_METHODS = {"method": "shared_optimum", "compare": ["two_step", "empirical", "worst_case"]}
+
+
+@dataclass(frozen=True)
+class Record:
+    """One application: what was asked and what came of it."""
+
+    request: Mapping[str, Any]
+    status: ApplicationStatus
+    comparison: ComparisonAnswer
+    designs: DesignsAnswer
+    failed: Mapping[str, tuple[str, ...]]  # by method, the tasks without a motion
+
+    def complete(self, method: str) -> bool:
+        """Whether the method does every task."""
+        return method in self.comparison.methods and not self.failed[method]
+
+
+def read(study: str) -> dict[str, Record]:
+    """The records of a study, by name."""
+    return {name: _record(content) for name, content in _stored(study).items()}
+
+
+def run(study: str, requests: Mapping[str, Mapping[str, Any]], workers: int = 1) -> dict[str, Record]:
+    """Run what is not stored yet, and return all records, in the order of the requests."""
+    stored = {name: content for name, content in _stored(study).items() if content["request"] == requests.get(name)}
+    left = {name: request for name, request in requests.items() if name not in stored}
+    if left:
+        with embedded_service(workers) as client:
+            for name, request in left.items():
+                stored[name] = _answers(client, request)
+                keep(study, {key: stored[key] for key in requests if key in stored})
+                print(f"{study}: {name}", flush=True)
+    return {name: _record(stored[name]) for name in requests}
+
+
+def stored_sweep(study: str, request: Mapping[str, Any] | None = None) -> SweepStatus | None:
+    """A stored sweep; None when there is none, or of another request."""
+    content = _stored(study)
+    if not content or request not in (None, content["request"]):
+        return None
+    return SweepStatus.model_validate(content["sweep"])
+
+
+@contextmanager
+def embedded_service(workers: int = 1) -> Iterator[Client]:
+    """The whole service on this machine, in a home of its own, with the kernels that are compiled already."""
+    with tempfile.TemporaryDirectory() as folder:
+        home = Path(folder)
+        default_cache().mkdir(parents=True, exist_ok=True)
+        (home / "kernels").symlink_to(default_cache())
+        with running_service(Settings(home=home), Place(workers=workers)) as service, Client(service.url) as client:
+            yield client
+
+
+def keep(study: str, content: Mapping[str, Any]) -> None:
+    """Store a study: one line a record, so that a record that changes is one line of a difference."""
+    lines = [f" {json.dumps(name)}: {json.dumps(_rounded(value))}" for name, value in content.items()]
+    RESULTS.mkdir(exist_ok=True)
+    path = RESULTS / f"{study}.json"
+    beside = path.with_suffix(".tmp")
+    beside.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+    beside.replace(path)
+
+
+def _stored(study: str) -> dict[str, Any]:
+    path = RESULTS / f"{study}.json"
+    found: dict[str, Any] = json.loads(path.read_bytes()) if path.exists() else {}
+    return found
+
+
+def _answers(client: Client, request: Mapping[str, Any]) -> dict[str, Any]:
+    application = client.submit(request)
+    status = application.wait()
+    tasks = TaskList(items=application.tasks(), next_cursor=None)
+    return {
+        "request": request,
+        "status": status.model_dump(mode="json"),
+        "comparison": application.comparison().model_dump(mode="json"),
+        "designs": application.designs().model_dump(mode="json"),
+        "failed": {
+            "own": [task.name for task in tasks.items if task.own is None],
+            **{method: [t.name for t in tasks.items if method not in t.methods] for method in status.methods},
+        },
+    }
+
+
+def _record(content: Mapping[str, Any]) -> Record:
+    return Record(
+        request=content["request"],
+        status=ApplicationStatus.model_validate(content["status"]),
+        comparison=ComparisonAnswer.model_validate(content["comparison"]),
+        designs=DesignsAnswer.model_validate(content["designs"]),
+        failed={method: tuple(names) for method, names in content["failed"].items()},
+    )
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, float):
+        return float(f"{value:.{DIGITS}g}")
+    if isinstance(value, Mapping):
+        return {key: _rounded(part) for key, part in value.items()}
+    return [_rounded(part) for part in value] if isinstance(value, list | tuple) else value
