@@ -37,7 +37,7 @@ class LimitCheck:
     """How far one kind of limit is exceeded, as a share of the limit (of the range for joints); 0 when it is kept."""
 
     at_points: float  # by the motion, at its grid points
-    between_points: float  # by the replay, everywhere (`pieces.Pieces.fine`)
+    between_points: float  # by the replay, everywhere (`pieces.Pieces.extremes`)
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def certify(solution: Solution) -> Certificate:
         found = replay(problem, design, motion, law)
     except ReplayError:
         found = None
-    excess = None if found is None else _excess(problem, found.pieces.fine)
+    excess = None if found is None else _excess(problem, *found.pieces.extremes)
     end = _end_errors(problem, found)
     path = _path_errors(problem, motion, found)
     return Certificate(
@@ -159,7 +159,7 @@ def _path_errors(problem: Problem, motion: Motion, found: Replay | None) -> tupl
 
 
 def _limit_checks(problem: Problem, motion: Motion, excess: Excess | None) -> dict[str, LimitCheck]:
-    at_points = _largest_excess(_excess(problem, motion))
+    at_points = _largest_excess(_excess(problem, motion, motion))
     between = dict.fromkeys(LIMITS, math.inf) if excess is None else _largest_excess(excess)
     return {kind: LimitCheck(at_points[kind], between[kind]) for kind in LIMITS}
 
@@ -172,7 +172,7 @@ def _growth(problem: Problem, motion: Motion, found: Replay, excess: Excess) -> 
         change: np.ndarray = np.abs(np.diff(difference, axis=0, prepend=0)).max(axis=1)
         return change
 
-    of_pieces = np.max([share.max(axis=(1, 2)) for share in excess.values()], axis=0)
+    of_pieces = np.max([share.max(axis=1) for share in excess.values()], axis=0)
     starts = np.searchsorted(found.pieces.interval, np.arange(problem.transcription.intervals))
     return Growth(
         position=over_interval(found.position, motion.position),
@@ -186,14 +186,20 @@ def _largest_excess(excess: Excess) -> dict[str, float]:
     return {kind: max(float(share.max()), 0.0) for kind, share in excess.items()}
 
 
-def _excess(problem: Problem, x: Motion | Samples) -> Excess:
+def _excess(problem: Problem, lowest: Motion | Samples, highest: Motion | Samples) -> Excess:
+    """From the extremes at every place; they are one where a place is a point."""
     robot, motor = problem.robot, problem.motor
-    outside = np.maximum(robot.joint_lower - x.position, x.position - robot.joint_upper)
+    outside = np.maximum(robot.joint_lower - lowest.position, highest.position - robot.joint_upper)
+
+    def size(quantity: str) -> np.ndarray:
+        largest: np.ndarray = np.maximum(-getattr(lowest, quantity), getattr(highest, quantity))
+        return largest
+
     return {
         "joint_range": outside / (robot.joint_upper - robot.joint_lower),
-        "rotor_speed": np.abs(x.speed) / robot.joint_speed_limit - 1,
-        "current": np.maximum(np.abs(x.current_d), np.abs(x.current_q)) / motor.current_limit - 1,
-        "voltage": np.maximum(np.abs(x.voltage_d), np.abs(x.voltage_q)) / motor.voltage_limit - 1,
+        "rotor_speed": size("speed") / robot.joint_speed_limit - 1,
+        "current": np.maximum(size("current_d"), size("current_q")) / motor.current_limit - 1,
+        "voltage": np.maximum(size("voltage_d"), size("voltage_q")) / motor.voltage_limit - 1,
     }
 
 

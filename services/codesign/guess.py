@@ -8,11 +8,14 @@ inverse dynamics says it needs, in the shortest time in which they stay within t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
+import casadi as ca
 import numpy as np
 
 from services.codesign.instance import Instance, scales_of
 from services.codesign.interval import parameter_sizes
+from services.codesign.kernels import Kernels
 from services.codesign.motion import Motion
 from services.codesign.problem import Problem
 from services.codesign.program import Program
@@ -143,9 +146,14 @@ def motor_demand(
     q, qd, qdd = motion
     parameters = instance.parameters[: sum(parameter_sizes(problem.robot.joints).values())]
     scaled = (design / scales_of(problem).design).ravel()
-    demand = program.kernels.demand.map("demand", "serial", len(q), [3, 4], [])
+    demand = _demand_at(program.kernels, len(q))
     i_q, u_d, u_q = (part.full().T for part in demand(q.T, qd.T, qdd.T, scaled, parameters))
     return i_q, u_d, u_q
+
+
+@lru_cache(maxsize=16)
+def _demand_at(kernels: Kernels, points: int) -> ca.Function:
+    return kernels.demand.map("demand", "serial", points, [3, 4], [])
 
 
 def _shortest_time(problem: Problem, program: Program, instance: Instance, design: np.ndarray) -> float:

@@ -141,13 +141,14 @@ def build_library(
     library: Path,
     functions: Callable[[], dict[str, ca.Function]],
     over_lanes: Mapping[str, Sequence[int]] | None = None,
+    more_flags: Sequence[str] = (),
 ) -> bool:
     """Compile functions into a shared library, unless it is there; False where there is no compiler.
 
     Those named in `over_lanes` evaluate several points at once (`lanes.LANES`); the inputs listed there are the same
-    for all.
+    for all. `more_flags` are the compiler's, for the others.
     """
-    return build_once(library, lambda compiler: _compile(functions(), over_lanes or {}, compiler, library))
+    return build_once(library, lambda compiler: _compile(functions(), over_lanes or {}, more_flags, compiler, library))
 
 
 def build_once(library: Path, build: Callable[[str], None]) -> bool:
@@ -270,7 +271,11 @@ def _compiler() -> str | None:
 
 
 def _compile(
-    functions: dict[str, ca.Function], over_lanes: Mapping[str, Sequence[int]], compiler: str, library: Path
+    functions: dict[str, ca.Function],
+    over_lanes: Mapping[str, Sequence[int]],
+    more_flags: Sequence[str],
+    compiler: str,
+    library: Path,
 ) -> None:
     """Generate, compile each function on a thread of its own, link, and move into place in one step."""
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
@@ -279,7 +284,7 @@ def _compile(
             if name in over_lanes:
                 source = lanes_source(functions[name], over_lanes[name])
                 return _object(name, source, [compiler, *COMPILER_FLAGS, *LANES_FLAGS], folder)
-            return _object(name, _scalar_source(functions[name]), [compiler, *COMPILER_FLAGS], folder)
+            return _object(name, _scalar_source(functions[name]), [compiler, *COMPILER_FLAGS, *more_flags], folder)
 
         objects = list(_map_threads(build, sorted(functions, key=lambda name: -functions[name].n_instructions())))
         built = str(Path(folder) / "kernels.so")

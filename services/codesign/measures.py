@@ -56,10 +56,11 @@ def load_between_points(problem: Problem, design: np.ndarray, pieces: Pieces) ->
 
     Voltages jump and currents swing between the grid points; the grid alone does not see it.
     """
-    at_nodes, everywhere = _shares(problem, design, pieces.nodes), _shares(problem, design, pieces.fine)
+    at_nodes = _shares(problem, design, pieces.nodes)
+    lowest, highest = (_shares(problem, design, found) for found in pieces.extremes)
     duration = pieces.width.sum()
     return Load(
-        peaks={name: np.abs(share).max(axis=(0, 1)) for name, share in everywhere.items()},
+        peaks={name: np.maximum(-lowest[name], highest[name]).max(axis=0) for name in at_nodes},
         rms={name: np.sqrt(pieces.integral(share**2) / duration) for name, share in at_nodes.items()},
     )
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.codesign.instance import scales_of
-from services.codesign.motor import MotorParameters, evaluate_motor, motor_torque, steady_voltages
+from services.codesign.motor import MotorParameters, evaluate_motors, motor_torque, steady_voltages
 from services.codesign.problem import Problem
 from services.codesign.program import Program
 
@@ -39,8 +39,7 @@ class Motion:
 
 def motors_of_design(design: np.ndarray, problem: Problem) -> MotorParameters:
     """Motor parameters as arrays over the joints, from a design of shape (n, 7) in m."""
-    motors = [evaluate_motor(row, problem.motor)[0] for row in design]
-    return MotorParameters(*(np.array(values) for values in zip(*motors, strict=True)))
+    return evaluate_motors(design, problem.motor)
 
 
 def read_motion(problem: Problem, program: Program, x: np.ndarray) -> Motion:

@@ -163,6 +163,12 @@ def evaluate_motor(design: np.ndarray, data: MotorData) -> tuple[MotorParameters
     return MotorParameters(*values), dict(zip(CONSTRAINTS, constraints.full().ravel().tolist(), strict=True))
 
 
+def evaluate_motors(designs: np.ndarray, data: MotorData) -> MotorParameters:
+    """Parameters of several motors as arrays of shape (n,); `designs` has shape (n, 7) [m]."""
+    parameters, _ = _numeric_model()(designs.T, data.coefficients())
+    return MotorParameters(*parameters.full())
+
+
 def steady_voltages(
     i_d: Expression, i_q: Expression, omega: Expression, motor: MotorParameters, pole_pairs: Expression
 ) -> tuple[Expression, Expression]:

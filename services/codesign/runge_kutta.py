@@ -1,8 +1,8 @@
 """Variable steps of order 8 over an interval: Dormand and Prince's pair with its dense output.
 
 Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I (1993), section II.5 and II.6: DOP853. The
-tableau is scipy's; a step is one CasADi function, so that it is compiled with the plant. An explicit method: an
-interval that it cannot cross in `MOST_STEPS` is stiff and left to another.
+tableau is scipy's; steps with their control are one CasADi function, so that they are compiled with the plant. An
+explicit method: an interval that it cannot cross in `MOST_STEPS` is stiff and left to another.
 """
 
 from __future__ import annotations
@@ -17,7 +17,10 @@ from scipy.integrate import DOP853
 
 Expression = Any
 
-MOST_STEPS = 300
+STEPS_A_CALL = 32
+"""Tries that one call makes; those that are left over when the end is reached cost little."""
+
+MOST_STEPS = 10 * STEPS_A_CALL
 """Tries in one interval. Motions of the paper take 10 to 40, with voltages that reverse many currents up to 150."""
 
 FIRST_STEP = 0.2
@@ -83,6 +86,34 @@ def step_function(slopes: ca.Function, tolerance: float, quadrature_tolerance: f
     )
 
 
+def steps_function(step: ca.Function) -> ca.Function:
+    """`STEPS_A_CALL` tries of `step`: (course, parameters) -> (courses, dense outputs), a column for each try.
+
+    A course is (share, next step, state, rates there, totals). A try that is not accurate enough leaves its share
+    where it was; at the end, or once no step is small enough, nothing happens any more.
+    """
+    states, rates, quadratures = (step.size1_in(k) for k in (1, 2, 3))
+    parts = np.cumsum([0, 1, 1, states, rates, quadratures]).tolist()
+    course, p = ca.MX.sym("course", parts[-1]), ca.MX.sym("parameters", step.size1_in(5))
+    t, h, y, K, totals = ca.vertsplit(course, parts)
+
+    last = h >= 1 - t
+    width = ca.if_else(last, 1 - t, h)
+    end, end_rates, end_totals, error, dense = step(t, y, K, totals, width, p)
+    grown = width * ca.fmin(GROW, ca.fmax(SHRINK, SAFETY * ca.fmax(error, TINY) ** EXPONENT))
+    taken = ca.vertcat(ca.if_else(last, 1, t + width), grown, end, end_rates, end_totals)
+    shrunk = width * ca.fmax(SHRINK, SAFETY * error**EXPONENT)
+    refused = ca.vertcat(t, ca.if_else(error > 1, shrunk, 0), y, K, totals)  # no number: no step will do
+    after = ca.if_else(error <= 1, taken, refused)
+    try_step = ca.Function("try_step", [course, p], [after, ca.vec(dense)])
+    nothing = ca.Function("no_step", [course, p], [course, ca.DM.zeros(states * DENSE)])
+    under_way = ca.logic_and(t < 1, h >= LEAST_STEP)
+    either = ca.Function.if_else("try_or_not", try_step, nothing)
+    once = ca.Function("once", [course, p], [*either(under_way, course, p)])
+    many = once.mapaccum("steps_of_parameters", STEPS_A_CALL)
+    return ca.Function("steps", [course, p], [*many(course, ca.repmat(p, 1, STEPS_A_CALL))])
+
+
 def combination(weights: tuple[float, ...], size: int) -> ca.Function:
     """Weighted sum of vectors as a function of scalars: half the time of the matrix product."""
     vectors = [ca.SX.sym(f"k{j}", size) for j in range(len(weights))]
@@ -127,19 +158,21 @@ def dense_basis(share: np.ndarray) -> np.ndarray:
 
 
 class Stepper:
-    """Crosses intervals with a compiled step, whose arguments and results stay in place between calls.
+    """Crosses intervals with compiled steps, whose arguments and results stay in place between calls.
 
     Not for several threads at once.
     """
 
-    def __init__(self, slopes: ca.Function, step: ca.Function) -> None:
-        self._in = [np.zeros(step.size1_in(k)) for k in range(step.n_in())]
-        self._out = [np.zeros(step.nnz_out(k)) for k in range(step.n_out())]
-        t, y, rates, _, _, p = self._in
-        states = len(y)
+    def __init__(self, slopes: ca.Function, steps: ca.Function) -> None:
+        states, quadratures = slopes.size1_out(0), slopes.size1_out(1)
+        self._course, self._parameters = np.zeros(steps.size1_in(0)), np.zeros(slopes.size1_in(2))
+        self._courses = np.zeros((STEPS_A_CALL, len(self._course)))
+        self._dense = np.zeros((STEPS_A_CALL, DENSE * states))
+        self._ends = np.cumsum([1, 1, states, states, quadratures])
+        t, _, y, rates, quadrature_rates, _ = np.split(self._course, self._ends)
         self._buffers = (
-            _buffer(slopes, [t, y, p], [rates[:states], rates[states:]]),
-            _buffer(step, self._in, self._out),
+            _buffer(slopes, [t, y, self._parameters], [rates, quadrature_rates]),
+            _buffer(steps, [self._course, self._parameters], [self._courses, self._dense]),
         )
 
     def cross(
@@ -149,33 +182,29 @@ class Stepper:
 
         `state` and `totals` are those at the start; `step` is tried first. Nothing is remembered between calls.
         """
-        (_, evaluate_slopes), (_, evaluate_step) = self._buffers
-        t, y, rates, running, h, p = self._in
-        end, end_rates, end_totals, error, dense = self._out
-        t[0], y[:], running[:], p[:] = 0.0, state, totals, parameters
+        (_, evaluate_slopes), (_, evaluate_steps) = self._buffers
+        t, h, y, _, _, running = np.split(self._course, self._ends)
+        t[0], h[0], y[:], running[:], self._parameters[:] = 0.0, step, state, totals, parameters
         evaluate_slopes()
-        taken = []
-        for _ in range(MOST_STEPS):
-            start = float(t[0])
-            last = step >= 1 - start
-            width = 1 - start if last else step
-            h[0] = width
-            evaluate_step()
-            wrong = float(error[0])
-            if wrong <= 1:
-                taken.append((start, y.copy(), dense.copy()))
-                step = width * min(GROW, max(SHRINK, SAFETY * max(wrong, TINY) ** EXPONENT))
-                if last:
-                    starts, origins, polynomials = (np.array(part) for part in zip(*taken, strict=True))
-                    polynomials = polynomials.reshape(len(taken), DENSE, -1)
-                    return Steps(starts, origins, polynomials, end.copy(), end_totals.copy(), min(step, 1.0))
-                t[0] = start + width
-                y[:], rates[:], running[:] = end, end_rates, end_totals
-            elif wrong > 1:
-                step = width * max(SHRINK, SAFETY * wrong**EXPONENT)
-            else:  # no number: the voltages or the state are none
-                break
-            if step < LEAST_STEP:
+        befores, polynomials = [], []
+        for _ in range(MOST_STEPS // STEPS_A_CALL):
+            evaluate_steps()
+            before = np.vstack([self._course, self._courses[:-1]])
+            taken = self._courses[:, 0] > before[:, 0]
+            befores.append(before[taken])
+            polynomials.append(self._dense[taken])
+            self._course[:] = self._courses[-1]
+            if t[0] >= 1:
+                at = np.concatenate(befores)
+                return Steps(
+                    starts=at[:, 0],
+                    origins=at[:, 2 : 2 + len(y)],
+                    polynomials=np.concatenate(polynomials).reshape(len(at), DENSE, -1),
+                    end=y.copy(),
+                    totals=running.copy(),
+                    next_step=min(float(h[0]), 1.0),
+                )
+            if not h[0] >= LEAST_STEP:
                 break
         return None
 

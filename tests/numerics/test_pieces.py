@@ -46,10 +46,11 @@ def test_extremes_between_the_nodes_are_seen() -> None:
     """A parabola with its top off the nodes."""
     top = 0.4
     values = np.broadcast_to((1 - (SHARES - top) ** 2)[None, :, None], (len(WIDTHS), NODES, 1))
-    fine = pieces(values).fine.position
-    assert fine.shape == (len(WIDTHS), FINE, 1)
+    lowest, highest = pieces(values).extremes
+    assert highest.position.shape == (len(WIDTHS), 1)
     assert values.max() < 1 - 1e-3
-    assert fine.max() == pytest.approx(1, abs=(1 / (FINE - 1)) ** 2)
+    assert highest.position == pytest.approx(1, abs=(1 / (FINE - 1)) ** 2)
+    assert lowest.position == pytest.approx(values.min())
 
 
 def test_states_within_steps_are_the_integrators_own() -> None:
