@@ -6,6 +6,7 @@ Nothing here is read from the solver or the transcription's own books  (MODEL se
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -79,6 +80,7 @@ class Certificate:
     constraint_violation: float  # scaled; of the program at the solution
     law: VoltageLaw
     growth: Growth | None
+    seconds: float = 0.0  # it took
 
     @property
     def limit_violation(self) -> float:
@@ -114,6 +116,7 @@ def certify(solution: Solution) -> Certificate:
     problem, design, motion = solution.problem, solution.design, solution.motion
     if design is None or motion is None:
         raise ValueError(f"a failed solve ({solution.status}) has no certificate")
+    began = time.perf_counter()
     law = voltage_law(problem, design, motion)
     try:
         found = replay(problem, design, motion, law)
@@ -136,6 +139,7 @@ def certify(solution: Solution) -> Certificate:
         constraint_violation=solution.constraint_violation,
         law=law,
         growth=None if found is None or excess is None else _growth(problem, motion, found, excess),
+        seconds=time.perf_counter() - began,
     )
 
 

@@ -26,10 +26,9 @@ def input_hash(application: ResolvedApplication, task: int, design: np.ndarray |
     design
         The design given, shape (n, 7) [m]; None when the task's own is sought.
     """
-    resolved = application.model_dump(mode="json")
-    inputs = {name: resolved[name] for name in ("robot", "objective", "motor", "transcription")}
+    inputs = application.model_dump(mode="json", include={"robot", "objective", "motor", "transcription"})
     del inputs["objective"]["over_tasks"]  # it shapes designs, and a motion with a given design does not depend on it
-    inputs |= {"task": resolved["tasks"][task], "design_m": None if design is None else design.tolist()}
+    inputs |= {"task": application.tasks[task].model_dump(mode="json"), "design_m": None if design is None else design.tolist()}
     return hashlib.sha256(json.dumps(inputs, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 

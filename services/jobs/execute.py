@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -58,7 +58,7 @@ def _as_it_is(work: Work, problem: Problem, options: SolverOptions, progress: Pr
         return _failed(solution)
     certificate = certify(solution)
     wire = certificate_wire(certificate, Accuracy(), solution.problem.transcription, as_requested=True)
-    return _solved(work, solution, certificate, wire)
+    return _solved(work, solution, [certificate], wire)
 
 
 def _accurate(work: Work, problem: Problem, options: SolverOptions, progress: Progress) -> Outcome:
@@ -73,7 +73,7 @@ def _accurate(work: Work, problem: Problem, options: SolverOptions, progress: Pr
     wire["refinements"] = [refinement_wire(step) for step in found.rounds]
     if not found.met:
         return Outcome(JobState.FAILED, missed(found, accuracy), summary=_how(solution) | {"certificate": wire})
-    return _solved(work, solution, certificate, wire)
+    return _solved(work, solution, [step.certificate for step in found.rounds], wire)
 
 
 def _failed(solution: Solution) -> Outcome:
@@ -81,13 +81,16 @@ def _failed(solution: Solution) -> Outcome:
     return Outcome(state, solution.reason, summary=_how(solution))
 
 
-def _solved(work: Work, solution: Solution, certificate: Certificate, wire: dict[str, Any]) -> Outcome:
+def _solved(work: Work, solution: Solution, certificates: Sequence[Certificate], wire: dict[str, Any]) -> Outcome:
+    """The result of a motion with the certificates of all rounds, the last of them its own."""
+    certificate = certificates[-1]
     assert solution.measures is not None
     assert solution.design is not None
     assert solution.objective is not None
     assert solution.lam_x is not None
     assert solution.lam_g is not None
     summary = _how(solution) | _measures(solution.measures)
+    summary["certificate_time_s"] = sum(each.seconds for each in certificates)
     if certificate.energies is not None:
         summary |= energies_wire(certificate.energies)
     if certificate.load is not None:
