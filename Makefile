@@ -27,10 +27,9 @@ test: lint ## lint, types, layers, then all tests
 test-faults: $(READY_TO_DEVELOP) ## kill and freeze everything as often as docs/reliability.md says (a quarter of an hour)
 	$(BIN)/pytest tests/faults --full-faults -n 2 --dist worksteal  # most of them wait most of the time
 
-bench: $(READY_TO_DEVELOP) ## measure the solver, and write the tables of docs/performance.md (half an hour)
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.solve_time
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.growth
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.random_tasks
+bench: $(READY_TO_DEVELOP) ## measure, and write the tables of docs/performance.md (half an hour)
+	@for part in solve_time growth random_tasks "random_tasks --kind energy" fan_out job_parts start_up memory; do \
+		echo "--- $$part"; OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.$$part || exit 1; done
 
 docs: $(READY_TO_DEVELOP) ## the documentation site, into out/site; a broken link or anchor ends it
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet

@@ -49,6 +49,9 @@ class Settings(BaseSettings):
     """Threads with which one process evaluates the program of all tasks (`shared_optimum`). That stage is one job, so
     the worker's other processes are idle unless other applications are queued; threads that wait do not spin, so that
     sharing the processors with them costs little."""
+    solver_memory_mb: int = Field(2000, ge=1)
+    """A solver process that has held more memory [MB] is replaced after the job in which it did. Tasks one by one take
+    some hundred (docs/performance.md), all of them in one program (`shared_optimum`) more."""
     solve_time_limit_s: float = Field(600.0, gt=0)
     """Longest time one solve may take."""
 

@@ -36,7 +36,7 @@ def main() -> None:
     sign = threading.Thread(target=keep_saying, args=(settings, stop), name="sign of life", daemon=True)
     worker_ready.connect(lambda **_: sign.start(), weak=False)  # after the pool's processes are forked
     try:
-        app.worker_main(worker_arguments(settings.workers))
+        app.worker_main(worker_arguments(settings.workers, memory_mb=settings.solver_memory_mb))
     finally:
         stop.set()
         if sign.is_alive():

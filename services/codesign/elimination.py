@@ -18,6 +18,7 @@ import numpy as np
 
 from services.codesign.instance import Instance
 from services.codesign.interval import IntervalLayout
+from services.codesign.kept import Kept
 from services.codesign.motor_data import CONSTRAINTS
 from services.codesign.program import Program
 
@@ -32,20 +33,18 @@ class Elimination:
     chains: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=np.int32))  # (chains,) stage each begins at
 
 
-_KNOWN: dict[tuple[IntervalLayout, bytes, bytes], Elimination] = {}
+_KNOWN: Kept[Elimination] = Kept(64)
 
 
 def elimination(program: Program, instance: Instance) -> Elimination:
     """Order for the systems of one instance: which variables are pinned and which constraints are equalities matters.
 
-    A constraint without bounds counts as an inequality, as IPOPT has it. Found once per process for tasks alike.
+    A constraint without bounds counts as an inequality, as IPOPT has it. Found once for tasks alike.
     """
     free = instance.lower_x != instance.upper_x
     equality = instance.lower_g == instance.upper_g
     key = (program.layout, free.tobytes(), equality.tobytes())
-    if key not in _KNOWN:
-        _KNOWN[key] = _find(program, free, equality)
-    return _KNOWN[key]
+    return _KNOWN.get(key, lambda: _find(program, free, equality))
 
 
 def _find(program: Program, free: np.ndarray, equality: np.ndarray) -> Elimination:

@@ -33,6 +33,7 @@ from services.codesign.interval import (
     parameter_sizes,
     unpack_parameters,
 )
+from services.codesign.kept import Kept
 from services.codesign.lanes import lanes_source
 from services.codesign.motor import design_constraints
 from services.codesign.motor_data import DIMENSIONS
@@ -117,19 +118,20 @@ def default_cache() -> Path:
     return (Path(home) if home else Path.home() / ".armature") / "kernels"
 
 
-_LOADED: dict[tuple[str, Path], Kernels] = {}
+MOST_KERNELS = 16
+"""Kept in a process: arms times layouts."""
+
+_LOADED: Kept[Kernels] = Kept(MOST_KERNELS)
 
 
 def load_kernels(robot: Robot, layout: IntervalLayout, cache: Path | None = None) -> Kernels:
-    """Kernels of an arm and a layout, compiled now unless the cache holds them. Kept per process.
+    """Kernels of an arm and a layout, compiled now unless the cache holds them; kept in the process.
 
     Safe when several processes call it at once: one builds, the others wait for it, and all see a whole library.
     """
     folder = default_cache() if cache is None else cache
     key = cache_key(robot, layout)
-    if (key, folder) not in _LOADED:
-        _LOADED[key, folder] = _load(robot, layout, folder / f"{key}.so")
-    return _LOADED[key, folder]
+    return _LOADED.get((key, folder), lambda: _load(robot, layout, folder / f"{key}.so"))
 
 
 def _load(robot: Robot, layout: IntervalLayout, library: Path) -> Kernels:

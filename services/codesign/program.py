@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from services.codesign.interval import IntervalLayout, parameter_sizes
+from services.codesign.kept import Kept
 from services.codesign.kernels import SHARED_INPUTS, Kernels, load_kernels
 from services.codesign.motor_data import CONSTRAINTS, DIMENSIONS
 from services.codesign.robot import Robot
@@ -72,16 +73,17 @@ class Program:
         return np.concatenate([design.ravel(), [final_time], intervals.ravel()])
 
 
-_PROGRAMS: dict[tuple[int, int], Program] = {}
+MOST_PROGRAMS = 8
+"""Kept in a process."""
+
+_PROGRAMS: Kept[Program] = Kept(MOST_PROGRAMS)
 
 
 def load_program(robot: Robot, layout: IntervalLayout, intervals: int, cache: Path | None = None) -> Program:
-    """The program of an arm on a grid, built once per process."""
+    """The program of an arm on a grid, kept in the process."""
     kernels = load_kernels(robot, layout, cache)
-    key = (id(kernels), intervals)
-    if key not in _PROGRAMS:
-        _PROGRAMS[key] = build_program(kernels, layout, intervals)
-    return _PROGRAMS[key]
+    key = (id(kernels), intervals)  # a program that is kept keeps its kernels, and so their id
+    return _PROGRAMS.get(key, lambda: build_program(kernels, layout, intervals))
 
 
 def build_program(kernels: Kernels, layout: IntervalLayout, intervals: int) -> Program:

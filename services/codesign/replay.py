@@ -22,6 +22,7 @@ from services.codesign.collocation import DEGREES
 from services.codesign.energy import kinetic_energy, potential_energy
 from services.codesign.forward_dynamics import forward_dynamics
 from services.codesign.friction import friction_torque
+from services.codesign.kept import Kept
 from services.codesign.kernels import build_library, default_cache, library_key
 from services.codesign.motion import Motion, motors_of_design
 from services.codesign.motor import MotorParameters, motor_torque, steady_voltages
@@ -216,22 +217,26 @@ class Plant:
     energy: ca.Function
 
 
-_PLANTS: dict[tuple[str, Path], Plant] = {}
+MOST_PLANTS = 16
+"""Arms kept in a process."""
+
+_PLANTS: Kept[Plant] = Kept(MOST_PLANTS)
 
 
 def load_plant(robot: Robot, cache: Path | None = None) -> Plant:
-    """An arm's functions, compiled where there is a compiler, once per process and cache."""
+    """An arm's functions, compiled where there is a compiler; kept in the process."""
     folder = default_cache() if cache is None else cache
     key = library_key(robot, ["replay", COEFFICIENTS], _SHAPING_SOURCES)
-    if (key, folder) not in _PLANTS:
-        library = folder / f"{key}.so"
-        if build_library(library, lambda: _functions(robot), more_flags=FLAGS):
-            functions = {name: ca.external(name, str(library)) for name in ("slopes", "steps", "energy")}
-        else:
-            functions = _functions(robot)
-        stepper = Stepper(functions["slopes"], functions["steps"])
-        _PLANTS[key, folder] = Plant(robot.joints, functions["slopes"], stepper, functions["energy"])
-    return _PLANTS[key, folder]
+    return _PLANTS.get((key, folder), lambda: _load(robot, folder / f"{key}.so"))
+
+
+def _load(robot: Robot, library: Path) -> Plant:
+    if build_library(library, lambda: _functions(robot), more_flags=FLAGS):
+        functions = {name: ca.external(name, str(library)) for name in ("slopes", "steps", "energy")}
+    else:
+        functions = _functions(robot)
+    stepper = Stepper(functions["slopes"], functions["steps"])
+    return Plant(robot.joints, functions["slopes"], stepper, functions["energy"])
 
 
 def _functions(robot: Robot) -> dict[str, ca.Function]:

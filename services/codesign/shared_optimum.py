@@ -13,6 +13,7 @@ import numpy as np
 
 from services.codesign.guess import Guess, motion_guess
 from services.codesign.instance import build_instance, objective_scale, scales_of
+from services.codesign.kept import Kept
 from services.codesign.limits import LimitSlope, binding, design_slopes
 from services.codesign.motion import Motion
 from services.codesign.optimality import Optimality, optimality
@@ -21,7 +22,7 @@ from services.codesign.program import Program, load_program
 from services.codesign.shared_program import SharedProgram, build_shared_program
 from services.codesign.solver import IterationReport, Progress, SolverOptions, run
 
-_PROGRAMS: dict[tuple[int, int, bool, int], SharedProgram] = {}
+_PROGRAMS: Kept[SharedProgram] = Kept(2)
 
 WORST_ALONE = 0.999
 """Share of the worst task when nothing else is asked for: the rest decides among designs that are equal there, and
@@ -121,8 +122,6 @@ def _deciding(multipliers: np.ndarray) -> tuple[float, ...]:
 
 
 def _shared(task: Program, tasks: int, has_worst: bool, threads: int) -> SharedProgram:
-    """Built once per process and kind."""
+    """Kept in the process, by kind."""
     key = (id(task), tasks, has_worst, threads)
-    if key not in _PROGRAMS:
-        _PROGRAMS[key] = build_shared_program(task, tasks, has_worst=has_worst, threads=threads)
-    return _PROGRAMS[key]
+    return _PROGRAMS.get(key, lambda: build_shared_program(task, tasks, has_worst=has_worst, threads=threads))

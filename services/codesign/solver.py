@@ -21,6 +21,7 @@ import numpy as np
 from services.codesign.elimination import Elimination, elimination
 from services.codesign.guess import Guess
 from services.codesign.instance import Instance
+from services.codesign.kept import Kept
 from services.codesign.program import Program
 from services.codesign.shared_elimination import shared_elimination
 from services.codesign.shared_program import SharedProgram
@@ -143,7 +144,10 @@ class _Solver:
     monitor: _Monitor
 
 
-_SOLVERS: dict[tuple[int, SolverOptions, bool, str], _Solver] = {}
+MOST_SOLVERS = 8
+"""Kept in a process: 8 to 50 MB each, IPOPT's work space included (docs/performance.md)."""
+
+_SOLVERS: Kept[_Solver] = Kept(MOST_SOLVERS)
 _BUSY = threading.Lock()
 
 
@@ -259,12 +263,13 @@ def _arguments(instance: Instance, start: Guess) -> dict[str, np.ndarray]:
 
 def _solver(program: Program | SharedProgram, options: SolverOptions, warm: bool, staged: StagedLDL | None) -> _Solver:
     key = (id(program), options, warm, MUMPS if staged is None else str(staged.path))
-    if key not in _SOLVERS:
+
+    def make() -> _Solver:
         monitor = _Monitor(program)
         casadi_options = _casadi_options(program, options, warm, staged, monitor)
-        function = ca.nlpsol("solve", "ipopt", program.nlp, casadi_options)
-        _SOLVERS[key] = _Solver(program, function, monitor)
-    return _SOLVERS[key]
+        return _Solver(program, ca.nlpsol("solve", "ipopt", program.nlp, casadi_options), monitor)
+
+    return _SOLVERS.get(key, make)
 
 
 def _casadi_options(

@@ -28,7 +28,10 @@ def input_hash(application: ResolvedApplication, task: int, design: np.ndarray |
     """
     inputs = application.model_dump(mode="json", include={"robot", "objective", "motor", "transcription"})
     del inputs["objective"]["over_tasks"]  # it shapes designs, and a motion with a given design does not depend on it
-    inputs |= {"task": application.tasks[task].model_dump(mode="json"), "design_m": None if design is None else design.tolist()}
+    inputs |= {
+        "task": application.tasks[task].model_dump(mode="json"),
+        "design_m": None if design is None else design.tolist(),
+    }
     return hashlib.sha256(json.dumps(inputs, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 

@@ -159,13 +159,18 @@ def queue_size(app: Celery) -> int:
             raise OperationalError(str(error)) from error
 
 
-def worker_arguments(concurrency: int, *, hostname: str = "armature@%h", loglevel: str = "WARNING") -> list[str]:
+def worker_arguments(
+    concurrency: int, *, memory_mb: int | None = None, hostname: str = "armature@%h", loglevel: str = "WARNING"
+) -> list[str]:
     """Arguments of `app.worker_main` that start a worker, the same over every broker.
 
-    Gossip, mingle and heartbeats are conversations between workers; the database knows which of them live.
+    Gossip, mingle and heartbeats are conversations between workers; the database knows which of them live. A process
+    that has held more than `memory_mb` is replaced between two tasks.
     """
+    limits = [] if memory_mb is None else [f"--max-memory-per-child={1000 * memory_mb}"]  # kB
     return [
         "worker",
+        *limits,
         f"--concurrency={concurrency}",
         "--pool=prefork",
         "--prefetch-multiplier=1",

@@ -14,6 +14,7 @@ import pytest
 
 from services.codesign import kernels as kernels_module
 from services.codesign.interval import CONTROLS, IntervalLayout
+from services.codesign.kept import Kept
 from services.codesign.kernels import OVER_LANES, SHARED_INPUTS, Kernels, cache_key, load_kernels
 from services.codesign.lanes import LANES, lanes_source
 from services.codesign.motor_data import CONSTRAINTS, MotorData
@@ -245,7 +246,7 @@ def test_processes_that_compile_at_once_share_one_library(tmp_path, monkeypatch)
 def test_a_library_in_the_cache_is_used_without_a_compiler(cache, monkeypatch):
     layout = IntervalLayout(1, "radau", 1)
     load_kernels(random_robot(1), layout, cache)
-    monkeypatch.setattr(kernels_module, "_LOADED", {})
+    monkeypatch.setattr(kernels_module, "_LOADED", Kept(1))
     monkeypatch.setattr(kernels_module, "_compiler", lambda: None)
     assert load_kernels(random_robot(1), layout, cache).compiled
 
