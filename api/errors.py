@@ -16,6 +16,7 @@ from starlette.exceptions import HTTPException
 
 from services.jobs.limits import QueueFullError
 from services.jobs.retry import NotRetryableError
+from services.jobs.stop_search import NoSearchError
 from services.jobs.submit import IdempotencyConflictError
 from services.jobs.views import NotFoundError
 from shared.contracts.errors import FieldError, InvalidInputError, field_errors
@@ -99,6 +100,7 @@ def install_error_handlers(app: FastAPI) -> None:
 
     @app.exception_handler(IdempotencyConflictError)
     @app.exception_handler(NotRetryableError)
+    @app.exception_handler(NoSearchError)
     async def _conflict(_request: Request, error: Exception) -> JSONResponse:
         return problem(409, str(error))
 

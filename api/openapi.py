@@ -28,7 +28,7 @@ PROBLEMS: Final = {
     "503": "the database cannot be reached",
 }
 RETRY_AFTER: Final = {"Retry-After": {"description": "seconds", "schema": {"type": "integer"}}}
-CONFLICTING: Final = ("/retry", "/applications", "/sweeps")
+CONFLICTING: Final = ("/retry", "/stop_search", "/applications", "/sweeps")
 """Ends of paths whose POST may answer 409."""
 MADE_BY_FRAMEWORK: Final = ("HTTPValidationError", "ValidationError")
 

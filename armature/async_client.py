@@ -220,6 +220,10 @@ class AsyncApplication:
         """Ask for an end: queued jobs at once, running ones within a second or two."""
         return await self.client.send(calls.cancel(self.id))
 
+    async def stop_search(self) -> ApplicationStatus:
+        """End the search for a shared design: the best one found so far is used, and the application goes on."""
+        return await self.client.send(calls.stop_search(self.id))
+
     async def retry(self) -> ApplicationStatus:
         """Do again what failed, died or was cancelled, and what depends on it."""
         return await self.client.send(calls.retry(self.id))

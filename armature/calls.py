@@ -157,6 +157,11 @@ def cancel(application: str) -> Call[ApplicationStatus]:
     return Call("POST", _application(application, "/cancel"), _model(ApplicationStatus))
 
 
+def stop_search(application: str) -> Call[ApplicationStatus]:
+    """Be content with the best shared design found so far."""
+    return Call("POST", _application(application, "/stop_search"), _model(ApplicationStatus))
+
+
 def retry(application: str) -> Call[ApplicationStatus]:
     """Do again what failed."""
     return Call("POST", _application(application, "/retry"), _model(ApplicationStatus))

@@ -15,7 +15,7 @@ from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from structlog.typing import FilteringBoundLogger
 
 from services.codesign.solver import IterationReport, SolverOptions
-from services.jobs.claim import Claim, cancel_requested, claim, release, renew, report
+from services.jobs.claim import Claim, Requests, claim, release, renew, report, requests_of
 from services.jobs.execute import execute
 from services.jobs.finish import Outcome, finish
 from services.jobs.store import LONGEST_REASON
@@ -62,7 +62,7 @@ def _outcome(
     options = SolverOptions(max_wall_time=settings.solve_time_limit_s, threads=settings.shared_threads)
     try:
         work = patiently(lambda: load_work(engine, held))
-        return None if work is None else execute(work, options, heartbeat.should_stop)
+        return None if work is None else execute(work, options, heartbeat.should_stop, heartbeat.search_stopped.is_set)
     except Exception as error:
         if _is_outage(error):
             raise
@@ -93,7 +93,7 @@ def _raised(doing: str, error: Exception) -> Outcome:
 
 @dataclass
 class Heartbeat:
-    """A thread that renews the lease, looks for a cancel and reports iterations; the solver reads the result.
+    """A thread that renews the lease, looks for requests and reports iterations; the solver reads the result.
 
     The solver holds no lock of the interpreter while it factorises, so the thread lives (DESIGN: measured).
     """
@@ -103,6 +103,7 @@ class Heartbeat:
     held: Claim
     gave_up: bool = False
     """Whether the solve was stopped because the worker shuts down, and for no other reason."""
+    search_stopped: threading.Event = field(default_factory=threading.Event)
     _latest: IterationReport | None = None
     _stop: threading.Event = field(default_factory=threading.Event)
     _done: threading.Event = field(default_factory=threading.Event)
@@ -123,6 +124,12 @@ class Heartbeat:
             self.gave_up = True
         return self._stop.is_set() or self.gave_up
 
+    def _heed(self, requests: Requests, *, mine: bool = True) -> None:
+        if requests.search_stopped:
+            self.search_stopped.set()
+        if requests.cancelled or not mine:
+            self._stop.set()
+
     def _beat(self) -> None:
         waited = 0.0
         while not self._done.wait(self.settings.cancel_poll_s):
@@ -131,10 +138,9 @@ class Heartbeat:
                 if waited >= self.settings.heartbeat_s:
                     waited = 0.0
                     pulse = renew(self.engine, self.held, self.settings.lease_s)
-                    if not pulse.mine or pulse.cancelled:
-                        self._stop.set()
-                elif cancel_requested(self.engine, self.held):
-                    self._stop.set()
+                    self._heed(pulse, mine=pulse.mine)
+                else:
+                    self._heed(requests_of(self.engine, self.held))
                 if self._latest is not None:
                     iteration, self._latest = self._latest, None
                     report(self.engine, self.held, iteration)

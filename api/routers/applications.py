@@ -12,6 +12,7 @@ from api.context import Ctx
 from services.jobs import listing, views
 from services.jobs.cancel import cancel, delete_application
 from services.jobs.retry import retry
+from services.jobs.stop_search import stop_search
 from services.jobs.submit import submit
 from services.jobs.views import NotFoundError
 from shared.contracts.application import ApplicationRequest
@@ -79,6 +80,14 @@ def get_application(
 def cancel_application(application_id: str, ctx: Ctx) -> ApplicationStatus:
     """Cancel: queued jobs at once, running ones within a second or two. What is final stays as it is."""
     if not cancel(ctx.engine, application_id):
+        raise NotFoundError(f"there is no application {application_id}")
+    return views.status(ctx.engine, application_id)
+
+
+@router.post("/{application_id}/stop_search", status_code=202)
+def stop_search_of_application(application_id: str, ctx: Ctx) -> ApplicationStatus:
+    """End the search for a shared design with the best one found so far; the application goes on with that."""
+    if not stop_search(ctx.engine, application_id):
         raise NotFoundError(f"there is no application {application_id}")
     return views.status(ctx.engine, application_id)
 

@@ -50,6 +50,7 @@ for command in (
     remote.designs,
     remote.comparison,
     remote.cancel,
+    remote.stop_search,
     remote.retry,
     remote.delete,
     motions.trajectory,

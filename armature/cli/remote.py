@@ -133,6 +133,16 @@ def cancel(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) ->
         output().print(f"{found.id} had ended before: {found.state}")
 
 
+def stop_search(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
+    """End the search for a shared design: the best one found so far is used, and the application goes on."""
+    with open_application(url, application_id) as application:
+        found = application.stop_search()
+    if as_json:
+        print_json(found)
+    else:
+        output().print(f"{found.id} {found.state}, goes on with the best shared design found so far")
+
+
 def retry(application_id: Id, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
     """Do again what failed, died or was cancelled, and what depends on it; what is good stays."""
     with open_application(url, application_id) as application:

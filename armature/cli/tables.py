@@ -122,7 +122,8 @@ def print_designs(console: Console, designs: DesignsAnswer) -> None:
         for joint, values in enumerate(design.design_mm):
             table.add_row(str(joint + 1), *(f"{value:.2f}" for value in values))
         console.print()
-        print_table(console, f"{name}, mm", table)
+        stopped = " (search stopped by request)" if design.stopped else ""
+        print_table(console, f"{name}, mm{stopped}", table)
 
 
 def _range(values: Sequence[float]) -> str:

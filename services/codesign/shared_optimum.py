@@ -44,6 +44,7 @@ class SharedOptimum:
     success: bool
     status: str  # IPOPT's
     design: np.ndarray | None  # (n, 7) m
+    reached: np.ndarray  # (n, 7) m, where the solver stood at its end; the motors' constraints may not hold there
     objective: float  # of the whole: `comparison.over_tasks`
     iterations: int
     solve_time: float  # s
@@ -92,13 +93,14 @@ def solve_shared(
 
     worst = max(float(task.nlp(x, part.parameters)[0]) for x, part in zip(guess, parts, strict=True))
     outcome = run(program, instance, Guess(program.join(guess, worst)), options, progress=watched)
-    scaled = outcome.x[: task.design_size].reshape(start.design.shape)
+    reached = outcome.x[: task.design_size].reshape(start.design.shape) * scales_of(problems[0]).design
     lam_motors = outcome.lam_g[program.constraints_of(0)[task.intervals * task.interval_constraints :]]
     design_limits = design_slopes(problems[0].motor, outcome.lam_x[: task.design_size] / unit, lam_motors / unit)
     return SharedOptimum(
         success=outcome.success,
         status=outcome.status,
-        design=scaled * scales_of(problems[0]).design if outcome.success else None,
+        design=reached if outcome.success else None,
+        reached=reached,
         objective=outcome.objective / unit,
         iterations=outcome.iterations,
         solve_time=outcome.seconds,

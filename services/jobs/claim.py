@@ -59,11 +59,18 @@ def claim(engine: Engine, job_id: str, worker: str, lease_s: float) -> Claim | N
 
 
 @dataclass(frozen=True)
-class Pulse:
+class Requests:
+    """What people ask of a running job."""
+
+    cancelled: bool  # also when its application was deleted
+    search_stopped: bool  # to end with the best that it has
+
+
+@dataclass(frozen=True)
+class Pulse(Requests):
     """What a worker learns when it renews its lease."""
 
     mine: bool
-    cancelled: bool
 
 
 def renew(engine: Engine, held: Claim, lease_s: float) -> Pulse:
@@ -75,14 +82,19 @@ def renew(engine: Engine, held: Claim, lease_s: float) -> Pulse:
             .values(lease_until=now() + lease_s)
             .returning(Job.id)
         ).first()
-    return Pulse(mine=renewed is not None, cancelled=cancel_requested(engine, held))
+    return Pulse(**asdict(requests_of(engine, held)), mine=renewed is not None)
 
 
-def cancel_requested(engine: Engine, held: Claim) -> bool:
-    """Whether the application of a claimed job is to be cancelled (or was deleted)."""
+def requests_of(engine: Engine, held: Claim) -> Requests:
+    """What was asked of a claimed job."""
+    statement = (
+        select(Application.cancel_requested, Job.stop_requested)
+        .join(Job, Job.application_id == Application.id)
+        .where(Job.id == held.job_id)
+    )
     with reading(engine) as session:
-        flag = session.scalar(select(Application.cancel_requested).where(Application.id == held.application_id))
-    return flag is None or flag
+        flags = session.execute(statement).one_or_none()
+    return Requests(True, False) if flags is None else Requests(*flags)
 
 
 def report(engine: Engine, held: Claim, iteration: IterationReport) -> None:

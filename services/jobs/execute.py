@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -31,12 +31,17 @@ MOST_LOG_LINES = 2000
 """Solver iterations kept of one job: the last ones."""
 
 
-def execute(work: Work, options: SolverOptions, progress: Progress) -> Outcome:
-    """Do a job's work; `progress` is called at every solver iteration and stops the solve when it returns True."""
+def execute(
+    work: Work, options: SolverOptions, progress: Progress, search_stopped: Callable[[], bool] = lambda: False
+) -> Outcome:
+    """Do a job's work; `progress` is called at every solver iteration and stops the solve when it returns True.
+
+    `search_stopped` tells whether a search is to end with the best that it has.
+    """
     if work.spec.stage == Stage.RECONCILE:
         return _reconcile(work)
     if work.spec.stage == Stage.SHARED_OPTIMUM:
-        return find_shared_optimum(work, options, progress)
+        return find_shared_optimum(work, options, progress, search_stopped)
     problem = work.application.build_problem(work.spec.task_index, work.design)
     if work.references is not None:
         problem = with_references(problem, work.references)

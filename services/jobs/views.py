@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, Literal
 
 from sqlalchemy import Engine, func, select
 from sqlalchemy.orm import Session
 
 from services.jobs.plan import planned_jobs
 from services.jobs.resolved import SHARED, ResolvedApplication
+from services.jobs.stop_search import searches
 from shared.contracts import results as wire
 from shared.db.clock import now
 from shared.db.engine import reading
@@ -48,6 +49,7 @@ def status(engine: Engine, application_id: str) -> wire.ApplicationStatus:
             state=application.state,
             reason=application.reason,
             cancel_requested=application.cancel_requested,
+            search=_search(session, application, resolved),
             progress=_progress(session, application, resolved),
             objective=resolved.objective,
             method=resolved.method,
@@ -181,6 +183,17 @@ def _progress(session: Session, application: Application, resolved: ResolvedAppl
         last=_result(session, application, resolved, latest=True),
         best=_result(session, application, resolved, latest=False),
     )
+
+
+def _search(
+    session: Session, application: Application, resolved: ResolvedApplication
+) -> Literal["running", "stopping"] | None:
+    if SHARED not in resolved.methods or application.finished_at is not None:
+        return None
+    job = session.scalars(searches(application)).one_or_none()
+    if job is None:
+        return None
+    return "stopping" if job.stop_requested else "running"
 
 
 def _time_left(session: Session, application: Application, done: int, total: int) -> float | None:

@@ -79,6 +79,9 @@ class ApplicationStatus(BaseModel):
     state: str
     reason: str | None
     cancel_requested: bool
+    search: Literal["running", "stopping"] | None = Field(
+        None, description="for a shared design, while it runs or waits; `stopping` once it was asked to end"
+    )
     progress: Progress
     objective: ObjectiveRequest
     method: MethodName
@@ -304,6 +307,9 @@ class SharedDesign(BaseModel):
     start: str | None = Field(None, description="shared_optimum: the method whose design it started from")
     convergence: list[list[float]] | None = Field(
         None, description="shared_optimum: [iteration, what the design is judged by] along the solve"
+    )
+    stopped: bool | None = Field(
+        None, description="shared_optimum: whether the search was asked to end; the design is the best found by then"
     )
     solver_status: str | None = Field(None, description="of the joint program, or of Problem 2")
     iterations: int | None = Field(None, description="shared_optimum: of the joint program")

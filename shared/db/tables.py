@@ -19,6 +19,7 @@ from sqlalchemy import (
     String,
     Text,
     UniqueConstraint,
+    false,
 )
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
@@ -116,6 +117,8 @@ class Job(Base):
     """Fencing token: grows with every claim, never shrinks. A finish with an older one is refused."""
     lease_until: Mapped[float | None]
     worker: Mapped[str | None] = mapped_column(String(200))
+    stop_requested: Mapped[bool] = mapped_column(default=False, server_default=false())
+    """Whether its search is to end with the best that it has (`services.jobs.stop_search`)."""
     reason: Mapped[str | None] = mapped_column(Text)
     created_at: Mapped[float] = mapped_column(default=now())
     started_at: Mapped[float | None]

@@ -103,7 +103,7 @@ ROLES: dict[str, Callable[[], None]] = {
 }
 
 
-def _stand_in(work: Any, _options: Any, progress: Callable[[IterationReport], bool]) -> Outcome:
+def _stand_in(work: Any, _options: Any, progress: Callable[[IterationReport], bool], *_: Any) -> Outcome:
     """In place of `services.jobs.execute.execute`: the result says which process it is from."""
     home, spec = _home(), work.spec
     with (home / EXECUTIONS).open("a") as file:  # one short append: whole lines, whoever else writes

@@ -134,6 +134,8 @@ def test_it_can_be_stopped(study: Study) -> None:
     )
     assert (found.success, found.status, found.design) == (False, STOPPED, None)
     assert [iteration for iteration, _ in found.convergence] == [0, 1, 2, 3]
+    assert found.reached.shape == study.mean.shape
+    assert 1e-4 < np.abs(found.reached / study.mean - 1).max() < 10
 
 
 def test_the_worst_task_gains_when_it_alone_counts(study: Study) -> None:

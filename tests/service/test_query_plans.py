@@ -12,7 +12,7 @@ from sqlalchemy import Engine, event, select
 from services.codesign.solver import IterationReport
 from services.jobs import listing, results, views
 from services.jobs.cancel import cancel, delete_application
-from services.jobs.claim import Claim, cancel_requested, claim, release, renew, report
+from services.jobs.claim import Claim, Requests, claim, release, renew, report, requests_of
 from services.jobs.events import events_after
 from services.jobs.finish import finish
 from services.jobs.outbox import recall, relay, unclaimed
@@ -104,7 +104,7 @@ def execution(filled: Filled) -> None:
     held = filled.claim()
     assert load_work(filled.engine, held) is not None
     assert renew(filled.engine, held, LONG_LEASE_S).mine
-    assert not cancel_requested(filled.engine, held)
+    assert requests_of(filled.engine, held) == Requests(cancelled=False, search_stopped=False)
     report(filled.engine, held, IterationReport(0, 1, 1.0))
     assert finish(filled.engine, held, outcome_of(held))
     assert release(filled.engine, filled.claim())

@@ -45,7 +45,7 @@ def request(**changes: Any) -> ApplicationRequest:
     return ApplicationRequest(**{**body, "method": "shared_optimum", **changes})
 
 
-def run(engine: Engine, stop: Any = None) -> list[Work]:
+def run(engine: Engine) -> list[Work]:
     """Execute whatever is queued until nothing is; returns the work of the shared optimum."""
     shared = []
     while True:
@@ -59,7 +59,7 @@ def run(engine: Engine, stop: Any = None) -> list[Work]:
             work = load_work(engine, held)
             assert work is not None
             shared += [work] if work.shared is not None else []
-            assert finish(engine, held, execute(work, SolverOptions(), stop or (lambda _: False)))
+            assert finish(engine, held, execute(work, SolverOptions(), lambda _: False))
 
 
 def test_it_beats_every_other_method(engine: Engine, settings: Settings) -> None:
@@ -120,7 +120,9 @@ def test_a_solve_that_fails_or_ends_worse_leaves_the_best_design(
     def worse(*arguments: Any, **_: Any) -> SharedOptimum:
         start = arguments[2]
         design = start.design * 1.01 if status == "Solve_Succeeded" else None
-        return SharedOptimum(design is not None, status, design, 1e9, 5, 0.1, Optimality(1.0, 1.0), ((0, 1e9),))
+        return SharedOptimum(
+            design is not None, status, design, start.design, 1e9, 5, 0.1, Optimality(1.0, 1.0), ((0, 1e9),)
+        )
 
     monkeypatch.setattr(find_shared_optimum, "solve_shared", worse)
     application_id, _ = submit(engine, settings, request())
@@ -131,6 +133,24 @@ def test_a_solve_that_fails_or_ends_worse_leaves_the_best_design(
     kept = np.array(results.design(engine, application_id, "shared_optimum").design_mm)
     best = np.array(results.design(engine, application_id, work.shared.method).design_mm)
     np.testing.assert_allclose(kept, best, rtol=1e-12)
+
+
+def test_a_task_that_cannot_be_done_spoils_nothing(engine: Engine, settings: Settings) -> None:
+    """It is left out of the search, which is better than the other methods over the tasks that remain."""
+    tasks = [task.model_dump(exclude_none=True) for task in request().tasks]  # type: ignore[union-attr]
+    tasks.insert(1, {"name": "too fast", "start_rad": [1.0] * 6, "end_rad": HOME, "duration_s": 0.06})
+    timed = [{"duration_s": 1.0} | task for task in tasks]
+    application_id, _ = submit(engine, settings, request(tasks=timed, objective={"kind": "energy"}))
+    (work,) = run(engine)
+    assert work.shared is not None
+    assert work.shared.tasks == [0, 2]
+    with reading(engine) as session:
+        assert session.get_one(Application, application_id).state == ApplicationState.COMPLETED_WITH_FAILURES
+    compared = results.comparison(engine, application_id)
+    assert compared.tasks_compared == [0, 2]
+    totals = {name: method.weighted_objective for name, method in compared.methods.items()}
+    assert totals["own"] < totals["shared_optimum"]
+    assert all(totals["shared_optimum"] <= total * (1 + 1e-6) for name, total in totals.items() if name != "own")
 
 
 def test_the_worst_task_falls_and_its_share_is_told(engine: Engine, settings: Settings) -> None:

@@ -1,4 +1,4 @@
-/** Cancel, retry, delete: those that make sense now. */
+/** Cancel, end a search, retry, delete: those that make sense now. */
 
 import { announce } from "../announce.js";
 import { ofApplication, post, remove } from "../api.js";
@@ -21,6 +21,8 @@ export function showActions(place, status, tell) {
   replace(
     place,
     wanted.includes("cancel") && button("Cancel", "quiet", () => done(post(ofApplication(id, "/cancel")), "cancelling")),
+    wanted.includes("stop search") &&
+      button("Use best so far", "quiet", () => done(post(ofApplication(id, "/stop_search")), "goes on with the best design so far")),
     wanted.includes("retry") && button("Retry failed", "quiet", () => done(post(ofApplication(id, "/retry")), "queued again")),
     button("Delete", "danger", async () => {
       if (!(await ask(`Delete “${status.name}” with all its results? This cannot be undone.`, "Delete it"))) return;
@@ -31,7 +33,10 @@ export function showActions(place, status, tell) {
 }
 
 function actions(status) {
-  if (!isFinal(status.state)) return status.cancel_requested ? ["cancelling"] : ["cancel"];
+  if (!isFinal(status.state)) {
+    if (status.cancel_requested) return ["cancelling"];
+    return status.search === "running" ? ["stop search", "cancel"] : ["cancel"];
+  }
   return status.state === "succeeded" ? [] : ["retry"];
 }
 
