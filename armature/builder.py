@@ -77,6 +77,10 @@ class ApplicationBuilder:
         """How it is solved: `accuracy`, `preset`, or `scheme`, `degree`, `intervals`, `control`."""
         return self._with(transcription=fields)
 
+    def starts(self, count: int) -> Self:
+        """Solve each motion from so many starts and keep the best of the optima found."""
+        return self._with(starts=count)
+
     def method(self, name: MethodName) -> Self:
         """How one design is found for all tasks."""
         return self._with(method=name)

@@ -16,6 +16,7 @@ from services.codesign.collocation import DEGREES
 from services.codesign.problem import Accuracy, Problem, Transcription
 from services.codesign.solve import Progress, Solution, SolverOptions, solve
 from services.codesign.solver import INTERRUPTED, STOPPED
+from services.codesign.starts import StartRun, solve_from_starts
 
 FIRST = Transcription("radau", 3, 50, "current")
 """Keeps the default accuracy at once for the paper's tasks. Degree 2 exceeds limits by up to 1 percent between points,
@@ -49,6 +50,7 @@ class AccurateSolution:
     solution: Solution
     rounds: tuple[Round, ...]
     met: bool
+    starts: tuple[StartRun, ...] = ()  # of the first solve, when several were asked for
 
     @property
     def certificate(self) -> Certificate | None:
@@ -62,15 +64,19 @@ def solve_accurately(
     options: SolverOptions,
     progress: Progress | None = None,
     first: Transcription = FIRST,
+    *,
+    starts: int = 1,
 ) -> AccurateSolution:
     """Solve a problem so that its replay meets `accuracy`; the problem's own transcription is not looked at.
 
     An energy balance of the replay that stays open fails the motion too, but a finer grid would not close it. When the
     accuracy cannot be reached within `MOST_REFINEMENTS` solves and `MOST_INTERVALS` intervals, or a refined solve
     fails, the last motion is returned with `met` false. A solve that is stopped is returned as it is, without rounds.
+    With several `starts` the best of the first solve's is refined (`starts.py`).
     """
     deadline = time.monotonic() + options.max_wall_time
-    solution = solve(replace(problem, transcription=first), None, options, progress)
+    best = solve_from_starts(replace(problem, transcription=first), starts, options, progress)
+    solution = best.solution
     if not solution.success:
         return AccurateSolution(solution, (), met=False)
     rounds = [Round(first, certify(solution))]
@@ -85,7 +91,7 @@ def solve_accurately(
             break
         solution = _after(solution, found)
         rounds.append(Round(finer, certify(found)))
-    return AccurateSolution(solution, tuple(rounds), rounds[-1].certificate.meets(accuracy))
+    return AccurateSolution(solution, tuple(rounds), rounds[-1].certificate.meets(accuracy), best.runs)
 
 
 def refined(transcription: Transcription, certificate: Certificate, accuracy: Accuracy) -> Transcription | None:

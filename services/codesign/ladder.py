@@ -73,7 +73,7 @@ class _Climber:
             attempt=len(self.attempts),
             deadline=self.deadline,
         )
-        self.attempts.append(Attempt(name, outcome.status, outcome.iterations, outcome.seconds, outcome.linear_solver))
+        self.attempts.append(_record(name, outcome))
         return outcome
 
 
@@ -101,6 +101,26 @@ def climb(
             break
     assert outcome is not None, "the first rung always offers a start"
     return Climb(outcome, tuple(climber.attempts))
+
+
+def attempt_once(
+    name: str,
+    program: Program,
+    instance: Instance,
+    start: Guess,
+    *,
+    options: SolverOptions,
+    progress: Progress | None,
+    attempt: int,
+    deadline: float,
+) -> Climb:
+    """One attempt from a point, without a ladder; `attempt` is its number among those of the solve."""
+    outcome = run(program, instance, start, options, progress=progress, attempt=attempt, deadline=deadline)
+    return Climb(outcome, (_record(name, outcome),))
+
+
+def _record(name: str, outcome: Outcome) -> Attempt:
+    return Attempt(name, outcome.status, outcome.iterations, outcome.seconds, outcome.linear_solver)
 
 
 def _rungs(

@@ -26,6 +26,7 @@ __all__ = [
     "SolverOptions",
     "Start",
     "references",
+    "solution_of",
     "solve",
     "with_references",
 ]
@@ -71,7 +72,7 @@ def solve(
     program = load_program(problem.robot, problem.layout, problem.transcription.intervals)
     instance = build_instance(problem, program)
     result = climb(problem, program, instance, start, options=options, progress=progress)
-    solution = _solution(problem, program, instance, result)
+    solution = solution_of(problem, program, instance, result)
     if solution.success:
         return solution
     reason = explain_failure(problem, program, instance, result.outcome, options=options, progress=progress)
@@ -130,7 +131,8 @@ def _solve_with_references(
     )
 
 
-def _solution(problem: Problem, program: Program, instance: Instance, result: Climb) -> Solution:
+def solution_of(problem: Problem, program: Program, instance: Instance, result: Climb) -> Solution:
+    """What a climb came to, in physical units; without a reason when it failed."""
     outcome = result.outcome
     certificate = optimality(program, instance, outcome.x, outcome.lam_x, outcome.lam_g)
     solution = Solution(

@@ -16,8 +16,9 @@ from services.codesign.measures import Load, Measures
 from services.codesign.problem import Accuracy, Problem
 from services.codesign.reconcile import mean_design, project_design
 from services.codesign.solution import Solution
-from services.codesign.solve import SolverOptions, solve, with_references
+from services.codesign.solve import SolverOptions, with_references
 from services.codesign.solver import STOPPED, IterationReport, Progress
+from services.codesign.starts import StartRun, ends, solve_from_starts
 from services.jobs.arrays import pack
 from services.jobs.certificates import certificate_wire, energies_wire, finite, input_hash, missed, refinement_wire
 from services.jobs.design_wire import design_mm, design_wire
@@ -58,19 +59,20 @@ def execute(
 
 def _as_it_is(work: Work, problem: Problem, options: SolverOptions, progress: Progress) -> Outcome:
     """A transcription that was asked for: solved as it is, and marked when the replay misses the default accuracy."""
-    solution = solve(problem, None, options, progress)
+    found = solve_from_starts(problem, work.application.starts, options, progress)
+    solution = found.solution
     if not solution.success:
         return _failed(solution)
     certificate = certify(solution)
     wire = certificate_wire(certificate, Accuracy(), solution.problem.transcription, as_requested=True)
-    return _solved(work, solution, [certificate], wire)
+    return _with_starts(_solved(work, solution, [certificate], wire), found.runs)
 
 
 def _accurate(work: Work, problem: Problem, options: SolverOptions, progress: Progress) -> Outcome:
     """Refined until the replay meets the accuracy that was asked for; a motion that does not is no result."""
     accuracy = work.application.accuracy
     assert accuracy is not None
-    found = solve_accurately(problem, accuracy, options, progress)
+    found = solve_accurately(problem, accuracy, options, progress, starts=work.application.starts)
     solution, certificate = found.solution, found.certificate
     if certificate is None:
         return _failed(solution)
@@ -78,7 +80,27 @@ def _accurate(work: Work, problem: Problem, options: SolverOptions, progress: Pr
     wire["refinements"] = [refinement_wire(step) for step in found.rounds]
     if not found.met:
         return Outcome(JobState.FAILED, missed(found, accuracy), summary=_how(solution) | {"certificate": wire})
-    return _solved(work, solution, [step.certificate for step in found.rounds], wire)
+    return _with_starts(_solved(work, solution, [step.certificate for step in found.rounds], wire), found.starts)
+
+
+def _with_starts(outcome: Outcome, runs: Sequence[StartRun]) -> Outcome:
+    """The same outcome with the spread of the optima that several starts found."""
+    if not runs:
+        return outcome
+    starts = {
+        "solved": sum(run.objective is not None for run in runs),
+        "ends": [{"objective": end.objective, "starts": end.starts} for end in ends(runs)],
+        "runs": [
+            {
+                "solver_status": run.status,
+                "objective": run.objective,
+                "iterations": run.iterations,
+                "solve_time_s": run.seconds,
+            }
+            for run in runs
+        ],
+    }
+    return replace(outcome, summary=dict(outcome.summary) | {"starts": starts})
 
 
 def _failed(solution: Solution) -> Outcome:

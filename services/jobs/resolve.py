@@ -74,6 +74,7 @@ def resolve(request: ApplicationRequest, find_robot: RobotLookup, max_tasks: int
         given_tasks=[] if request.scatter is None else given,
         motor=request.motor,
         transcription=request.transcription.filled_in(),
+        starts=request.starts,
         methods=_methods(request),
         empirical_task=chosen["empirical"],
         worst_case_task=chosen["worst_case"],

@@ -47,6 +47,8 @@ class ResolvedApplication(Strict):
     motor: MotorRequest
     transcription: TranscriptionRequest
     """Filled in: an accuracy, or a transcription as it is."""
+    starts: int = 1
+    """Solves of each motion, of which the best is kept (`services.codesign.starts`)."""
     scatter: ScatterRequest | None = None
     """With it, `tasks` are samples: `scatter.samples` in a row of each task that was given."""
     given_tasks: list[str] = Field(default_factory=list)
@@ -101,6 +103,7 @@ class ResolvedApplication(Strict):
             "tasks": tasks,
             "motor": self.motor.to_wire(),
             "transcription": self.transcription.model_dump(mode="json", exclude_none=True),
+            "starts": self.starts,
             "method": self.method,
             "compare": list(self.methods[1:]),
             "empirical_task": self.empirical_task,

@@ -16,6 +16,7 @@ Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
 MOST_TAGS = 20
 MOST_INTERVALS = 400
 MOST_JOINTS = 20
+MOST_STARTS = 16
 
 
 class Strict(BaseModel):
@@ -248,6 +249,7 @@ class ApplicationRequest(Strict):
     scatter: ScatterRequest | None = Field(None, description="tasks as random samples, for a robust design")
     motor: MotorRequest = MotorRequest()
     transcription: TranscriptionRequest = TranscriptionRequest()
+    starts: int = Field(1, ge=1, le=MOST_STARTS, description="solves of each motion; the best of its optima is kept")
     method: MethodName = "two_step"
     compare: list[MethodName] = Field(default_factory=list)
     empirical_task: TaskChoice | None = None

@@ -66,6 +66,7 @@ class Resolved(BaseModel):
     given_tasks: list[str] = Field([], description="names of the tasks as given, where `tasks` are samples of them")
     motor: dict[str, Any] = Field(description="constants, limits and bounds, in the form of a request")
     transcription: TranscriptionRequest
+    starts: int = Field(1, description="solves of each motion, of which the best is kept")
     methods: list[MethodName]
     empirical_task: int | None
     worst_case_task: int | None

@@ -228,6 +228,30 @@ class Limit(BaseModel):
     span: float = Field(description="what a share of the limit is taken of: its size, or a joint's range")
 
 
+class StartRun(BaseModel):
+    """What became of one start. The first is the usual one, with all its attempts."""
+
+    solver_status: str
+    objective: float | None = Field(description="null when it failed")
+    iterations: int
+    solve_time_s: float
+
+
+class StartsEnd(BaseModel):
+    """An optimum, and how many starts came within 0.1 percent of it."""
+
+    objective: float
+    starts: int
+
+
+class Starts(BaseModel):
+    """Several starts of one motion, in the objective's unit, before any refinement of the grid."""
+
+    solved: int
+    ends: list[StartsEnd] = Field(description="local optima, best first: the spread, and how many starts found each")
+    runs: list[StartRun]
+
+
 class MotionResult(BaseModel):
     """What a motion costs and how hard it works the motors; lists are over the joints."""
 
@@ -246,8 +270,9 @@ class MotionResult(BaseModel):
     limits: list[Limit] = Field([], description="those that hold the objective back; with free motors, theirs too")
     design_mm: list[list[float]] = Field(description="one row a motor: L, R_ro, R_so, h_m, h_sy, w_tooth, b_0")
     solver_status: str
-    iterations: int
+    iterations: int = Field(description="of all attempts, starts and refinements")
     solve_time_s: float
+    starts: Starts | None = Field(None, description="with several `starts`: what they found")
 
 
 class TaskResult(BaseModel):

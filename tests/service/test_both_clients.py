@@ -217,6 +217,7 @@ def test_a_builder_is_what_a_file_would_say(ask: Ask) -> None:
         .motor(current_limit_A=4.0)
         .motor(bounds_mm={"L": [20, 80]})
         .transcription(preset="paper")
+        .starts(3)
         .compare("empirical", task="lift")
         .tags("cell")
     )
@@ -227,6 +228,7 @@ def test_a_builder_is_what_a_file_would_say(ask: Ask) -> None:
         "tasks": [{"name": "lift", "start_rad": [0.6] * 6, "end_rad": [0.0] * 6, "payload_kg": 2, "weight": 3.0}],
         "motor": {"current_limit_A": 4.0, "bounds_mm": {"L": [20, 80]}},
         "transcription": {"preset": "paper"},
+        "starts": 3,
         "compare": ["empirical"],
         "empirical_task": "lift",
         "tags": ["cell"],

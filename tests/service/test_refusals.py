@@ -88,6 +88,8 @@ REFUSED = {
     "unknown method": (body(method="magic"), "method", "magic", "two_step"),
     "degree 6": (body(transcription={"degree": 6}), "transcription.degree", 6, "less than or equal to 5"),
     "half an interval": (body(transcription={"intervals": 2.5}), "transcription.intervals", 2.5, "integer"),
+    "no start": (body(starts=0), "starts", 0, "greater than or equal to 1"),
+    "more starts than allowed": (body(starts=17), "starts", 17, "less than or equal to 16"),
     "no name": ({"tasks": [MOVE]}, "name", None, "is missing"),
     "too many tasks": (
         grid(tasks={"grid": {"stroke": [0.01 * k for k in range(60)], "payload_kg": [0.1 * k for k in range(60)]}}),
