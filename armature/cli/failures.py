@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 from typing import Any
 
 import typer
+from pydantic import ValidationError
 from rich.console import Console
 from typer.core import TyperGroup
 
@@ -21,10 +23,11 @@ from armature.errors import (
     TooManyRequestsError,
 )
 from armature.retries import BUSY, TOO_MANY
+from shared.settings import Settings
 
 
 class Commands(TyperGroup):
-    """The commands; whichever raises `ArmatureError` ends with its message instead of a traceback."""
+    """The commands; what a person can put right ends them with a message, the rest is a fault and has a traceback."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run a command."""
@@ -33,6 +36,16 @@ class Commands(TyperGroup):
         except ArmatureError as error:
             explain(messages(), error)
             raise typer.Exit(exit_code(error)) from error
+        except ValidationError as error:
+            if error.title != Settings.__name__:
+                raise
+            explain_settings(messages(), error)
+            raise typer.Exit(ExitCode.REFUSED) from error
+        except OSError as error:
+            if error.filename is None or error.errno == errno.EPIPE:  # whoever read the output has enough
+                raise
+            _say(messages(), f"{error.filename}: {(error.strerror or str(error)).lower()}")
+            raise typer.Exit(ExitCode.ERROR) from error
         except KeyboardInterrupt:
             raise typer.Exit(ExitCode.INTERRUPTED) from None
 
@@ -50,6 +63,13 @@ def exit_code(error: ArmatureError) -> ExitCode:
     if isinstance(error, ProblemError) and error.status in (TOO_MANY, BUSY):
         return ExitCode.BUSY
     return ExitCode.ERROR
+
+
+def explain_settings(console: Console, error: ValidationError) -> None:
+    """Which variables of the environment hold what they cannot."""
+    for problem in error.errors():
+        name = "_".join(["ARMATURE", *map(str, problem["loc"])]).upper()
+        _say(console, f"{name} = {problem['input']}: {problem['msg'].lower()}")
 
 
 def explain(console: Console, error: ArmatureError) -> None:

@@ -9,9 +9,10 @@ import typer
 from rich.table import Table
 
 from armature.cli.consoles import messages, output, print_json
-from armature.cli.database import open_database
+from armature.cli.database import explained, open_database
 from armature.cli.exit_codes import ExitCode
 from armature.cli.server import Json
+from shared.settings import Settings
 
 app = typer.Typer(help="API keys of a server (ARMATURE_API_KEYS_REQUIRED=true asks for them).", no_args_is_help=True)
 
@@ -72,9 +73,10 @@ def revoke(
 def migrate(as_json: Json = False) -> None:
     """Bring the database of the settings to this version's revision. Once for each update, before anything starts."""
     from shared.db.migrate import head_revision, upgrade
-    from shared.settings import Settings
 
-    upgrade(Settings().database_url)
+    url = Settings().database_url
+    with explained(url):
+        upgrade(url)
     if as_json:
         print_json({"revision": head_revision()})
     messages().print(f"the database is at revision {head_revision()}")

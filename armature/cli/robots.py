@@ -16,11 +16,14 @@ from armature.cli.exit_codes import ExitCode
 from armature.cli.layout import new_table, print_table
 from armature.cli.server import Json, Url, ask
 from armature.client import DEFAULT_URL
+from armature.errors import ApplicationFileError
 
 if TYPE_CHECKING:
     from services.codesign.robot import Robot
 
 app = typer.Typer(help="Robots: presets, files, uploads.", no_args_is_help=True)
+
+DRAWINGS = (".svg", ".pdf", ".png")
 
 
 @app.command("list")
@@ -78,7 +81,7 @@ def delete(
 @app.command()
 def check(
     robot: Annotated[str, typer.Argument(metavar="FILE|PRESET", show_default=False)],
-    draw: Annotated[Path | None, typer.Option(help="Draw the arm into this file, .svg or .png.")] = None,
+    draw: Annotated[Path | None, typer.Option(help="Draw the arm into this file, .svg, .pdf or .png.")] = None,
     as_json: Json = False,
 ) -> None:
     """Show an arm, and list what looks wrong in it. Nothing is sent anywhere.
@@ -91,7 +94,12 @@ def check(
     from services.robots.check import check_robot
     from shared.contracts.errors import InvalidInputError
 
+    if draw is not None and draw.suffix not in DRAWINGS:
+        raise typer.BadParameter(f"--draw: {draw} ends neither in {' nor in '.join(DRAWINGS)}")
     preset = robot in preset_names() and not Path(robot).exists()
+    if not preset and not Path(robot).exists():
+        presets = ", ".join(preset_names())
+        raise ApplicationFileError(f"there is no file {robot}, and no preset of that name; presets are {presets}")
     given: Mapping[str, Any] = preset_wire(robot) if preset else read_robot(Path(robot))
     try:
         arm = robot_of(inline_robot(given))

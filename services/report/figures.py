@@ -10,13 +10,14 @@ from matplotlib.figure import Figure
 from services.codesign.comparison import OWN
 from services.report.answers import Answers
 from services.report.box_chart import design_boxes
+from services.report.convergence_chart import convergence_chart
 from services.report.cross_section import motor_drawings
 from services.report.heat_map import compared_methods, improvement_maps
 from services.report.motion_chart import motion_chart
 from services.report.motion_limits import motion_limits
 from services.report.style import Format, save, style
-from services.report.totals_chart import totals_chart
-from shared.contracts.results import MotionResult, Trajectory
+from services.report.totals_chart import objective_label, totals_chart
+from shared.contracts.results import DesignsAnswer, MotionResult, Trajectory
 
 FEWEST_FOR_BOXES = 3
 """Quartiles of fewer designs say nothing."""
@@ -39,8 +40,8 @@ def write_figures(answers: Answers, folder: Path, kind: Format = "svg") -> list[
     Returns
     -------
     list of Path
-        motors (the design, drawn to scale), designs (spread over the tasks), totals (of several tasks), improvement
-        (heat maps, for a grid of tasks), motion-KKK-METHOD.
+        motors (the design, drawn to scale), designs (spread over the tasks), convergence (of the shared optimum),
+        totals (of several tasks), improvement (heat maps, for a grid of tasks), motion-KKK-METHOD.
     """
     folder.mkdir(parents=True, exist_ok=True)
     written = []
@@ -58,6 +59,8 @@ def figures_of(answers: Answers) -> Iterator[tuple[str, Draw]]:
         yield "motors", lambda: motor_drawings(design, motor)
     if (designs := answers.designs) is not None and len(designs.tasks) >= FEWEST_FOR_BOXES:
         yield "designs", lambda: design_boxes(designs, method, motor)
+    if designs is not None and (convergence := _convergence(designs)):
+        yield "convergence", lambda: convergence_chart(convergence, objective_label(answers.application.objective.kind))
     comparison = answers.comparison
     if comparison is not None and comparison.tasks_compared and method in comparison.methods:
         if len(comparison.tasks_compared) > 1 and len(comparison.methods) > 1:
@@ -66,6 +69,11 @@ def figures_of(answers: Answers) -> Iterator[tuple[str, Draw]]:
             yield "improvement", lambda: improvement_maps([(comparison, answers.tasks)], method)
     for motion in answers.motions:
         yield f"motion-{motion.task:03d}-{motion.method}", lambda motion=motion: _motion(answers, motion)  # type: ignore[misc]
+
+
+def _convergence(designs: DesignsAnswer) -> list[list[float]] | None:
+    found = designs.methods.get("shared_optimum")
+    return None if found is None else found.convergence
 
 
 def _motion(answers: Answers, motion: Trajectory) -> Figure:

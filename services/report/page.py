@@ -22,6 +22,7 @@ from services.report.report_tables import (
     certificate_table,
     constants_table,
     dimension_table,
+    limit_tables,
     missed_tolerance,
     motions_of,
     result_table,
@@ -37,6 +38,7 @@ from shared.contracts.results import DesignAnswer
 _CAPTIONS = {
     "motors": "The design: every motor cut across and along its axis, to one scale, with its dimensions.",
     "designs": "The tasks' own designs, motor by motor, with the design that was chosen.",
+    "convergence": "How the best single design was found: the program's objective, iteration by iteration.",
     "totals": "Methods side by side, and their regret against the tasks' own designs.",
     "improvement": "How much the chosen method improves on the others, task by task.",
     "motion": "One motion: every joint over time, against its limits.",
@@ -75,6 +77,7 @@ def report_page(report: Report) -> str:
         dimensions=None if answers.design is None else dimension_table(answers.design),
         binding=[] if answers.design is None else _binding(answers.design),
         totals=None if answers.comparison is None else totals_table(answers.comparison),
+        limits=[] if answers.comparison is None else limit_tables(answers.comparison, status.method),
         missing={} if answers.comparison is None else answers.comparison.missing,
         results=result_table(answers.tasks, status.methods, status.objective.kind),
         failed=[task for task in answers.tasks.items if task.reason],

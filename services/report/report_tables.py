@@ -107,6 +107,32 @@ def totals_table(comparison: ComparisonAnswer) -> HtmlTable:
     return HtmlTable(caption, columns, rows)
 
 
+MOST_LIMITS = 12
+"""Of those that would bring most."""
+
+
+def limit_tables(comparison: ComparisonAnswer, method: str) -> list[HtmlTable]:
+    """What relaxing each limit would bring, with the application's design and with each task's own."""
+    return [_limit_table(comparison, name) for name in (method, OWN) if comparison.limits.get(name)]
+
+
+def _limit_table(comparison: ComparisonAnswer, method: str) -> HtmlTable:
+    unit = {"1": "", "V2 s": "V² s "}.get(comparison.unit, f"{comparison.unit} ")
+    rows = [
+        [
+            cost.name,
+            "differs" if cost.value is None else f"{number(cost.value)} {cost.unit}",
+            cost.relax,
+            f"{len(cost.tasks)} of {len(comparison.tasks_compared)} tasks" if cost.tasks else "the design",
+            f"{number(cost.gain_per_unit, 3)} {unit}per {cost.unit}",
+            number(cost.gain_per_percent, 3),
+        ]
+        for cost in comparison.limits[method][:MOST_LIMITS]
+    ]
+    columns = ["limit", "value", "relax", "binds in", "gain for a little more", f"gain for 1 %\n{unit.strip() or 1}"]
+    return HtmlTable(f"Limits that hold it back: {method_name(method)}", columns, rows)
+
+
 def result_table(tasks: TaskList, methods: Sequence[str], objective: str) -> HtmlTable:
     """What each task attains with each design, and by how much the first method misses the task's own optimum."""
     columns = ["", "task", "state", "own design", *map(method_name, methods)]

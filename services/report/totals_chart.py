@@ -24,7 +24,12 @@ WORDS = {
 }
 LINEAR_TO, LINEAR_WITHIN = 100.0, 10.0  # percent
 """A regret beyond the first makes the axis logarithmic above the second."""
-UNITS = {"V2 s": "V² s", "1": "1", "": "1"}
+UNITS = {"time": "s", "energy": "V² s", "weighted": "1", "electrical_energy": "J"}
+
+
+def objective_label(kind: str) -> str:
+    """What is added up over the tasks, with its unit, for an axis."""
+    return f"{WORDS[kind]} [{UNITS[kind]}]"
 
 
 def totals_chart(comparisons: Sequence[ComparisonAnswer], method: str) -> Figure:
@@ -60,8 +65,7 @@ def _totals(axes: Axes, comparison: ComparisonAnswer, names: list[str], method: 
     axes.axvline(values[0], color=QUIET, linewidth=0.8, linestyle=(0, (4, 3)))
     axes.set_xlim(0, 1.35 * max(values))
     _name_methods(axes, names)
-    unit = UNITS.get(comparison.unit, comparison.unit)
-    axes.set_xlabel(f"{WORDS.get(comparison.objective, 'total objective')} [{unit}]")
+    axes.set_xlabel(objective_label(comparison.objective))
     axes.set_title(
         f"{comparison.objective}: totals over the {len(comparison.tasks_compared)} tasks that every method solved"
     )

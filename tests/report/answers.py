@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from services.codesign.motor_data import DIMENSIONS, MotorData
 from services.report.answers import Answers
 from shared.contracts import results as wire
 from shared.contracts.application import GridRequest, ObjectiveRequest
+from shared.contracts.results import ComparisonAnswer, LimitCost, MethodTotals, Regret, Trajectory, VoltageControl
 
 GRID = GridRequest(stroke=[0.5, 1.0], payload_kg=[0.0, 3.0])
 NAMES = ["0.5 rad, 0 kg", "0.5 rad, 3 kg", "1 rad, 0 kg", "1 rad, 3 kg"]
@@ -36,14 +38,14 @@ def own_designs_mm() -> list[list[list[float]]]:
     return [[[length, *TABLE_I_MM[1:]], SMALL_MM] for length in (20.0, 24.0, 28.0, 40.0)]
 
 
-def motion(task: int = 3, method: str = "two_step") -> wire.Trajectory:
+def motion(task: int = 3, method: str = "two_step") -> Trajectory:
     """Two joints; joint 1 reaches half of each limit, joint 2 stands still."""
     wave = [math.sin(math.pi * k / (POINTS - 1)) for k in range(POINTS)]
 
     def column(largest: float) -> list[list[float]]:
         return [[largest * value, 0.0] for value in wave]
 
-    return wire.Trajectory(
+    return Trajectory(
         application_id="a",
         task=task,
         method=method,
@@ -55,7 +57,7 @@ def motion(task: int = 3, method: str = "two_step") -> wire.Trajectory:
         current_q_A=column(-CURRENT_LIMIT / 2),
         voltage_d_V=column(0.0),
         voltage_q_V=column(VOLTAGE_LIMIT / 2),
-        control=wire.VoltageControl(
+        control=VoltageControl(
             kind="piecewise_constant",
             description="constant on each interval",
             breaks_s=[0.1 * k for k in range(POINTS)],
@@ -106,7 +108,7 @@ def tasks() -> wire.TaskList:
     return wire.TaskList(items=items, next_cursor=None)
 
 
-def comparison() -> wire.ComparisonAnswer:
+def comparison() -> ComparisonAnswer:
     """Over the first three tasks, which every method solved."""
     counted = [0, 1, 2]
     own = [VALUES["own"][k] or 0.0 for k in counted]
@@ -114,7 +116,7 @@ def comparison() -> wire.ComparisonAnswer:
     for name, values in VALUES.items():
         solved = [values[k] or 0.0 for k in counted]
         total = sum(solved)
-        methods[name] = wire.MethodTotals(
+        methods[name] = MethodTotals(
             total_objective=total,
             weighted_objective=total,
             worst_objective=max(solved),
@@ -128,8 +130,8 @@ def comparison() -> wire.ComparisonAnswer:
         )
         if name != "own":
             each = [value / best - 1 for value, best in zip(solved, own, strict=True)]
-            regret[name] = wire.Regret(total=total / sum(own) - 1, per_task=[*each])
-    return wire.ComparisonAnswer(
+            regret[name] = Regret(total=total / sum(own) - 1, per_task=[*each])
+    return ComparisonAnswer(
         objective="time",
         unit="s",
         tasks_compared=counted,
@@ -138,7 +140,30 @@ def comparison() -> wire.ComparisonAnswer:
         grid=GRID,
         methods=methods,
         regret=regret,
+        limits={
+            "two_step": [limit_cost("current_limit_A", 3.0, "A", "raise", [0, 2])],
+            "own": [
+                limit_cost("current_limit_A", 3.0, "A", "raise", [0, 1, 2]),
+                limit_cost("joint_position_limit_rad[0].low", None, "rad", "lower", []),
+            ],
+        },
         missing={},
+    )
+
+
+def limit_cost(
+    name: str, value: float | None, unit: str, relax: Literal["raise", "lower"], tasks: list[int]
+) -> LimitCost:
+    """Half a second for each unit."""
+    return LimitCost(
+        name=name,
+        value=value,
+        unit=unit,
+        relax=relax,
+        gain_per_unit=0.5,
+        gain_per_percent=0.005 * (value or 1.0),
+        tasks=tasks,
+        of_the_design=not tasks,
     )
 
 

@@ -13,12 +13,14 @@ from typing import Any
 import pytest
 import yaml
 
+from services.report.figures import figures_of
 from services.report.html_table import number
 from services.report.inline_svg import inline_svg
 from services.report.page import Report, report_page, request_hash
-from services.report.report_tables import certificate_table, result_table, totals_table
+from services.report.report_tables import certificate_table, limit_tables, result_table, totals_table
 from services.report.style import new_figure, style
 from services.report.words import limit_words
+from shared.contracts.results import SharedDesign
 from tests.report import answers as made_up
 
 REQUEST: dict[str, Any] = {"name": "made up <i>", "robot": {"name": "µ-arm"}, "tasks": [{"start_rad": [0.1, 1e-3]}]}
@@ -105,6 +107,32 @@ def test_totals_and_regret_are_those_worked_out_by_hand() -> None:
     assert rows["own design per task"][1:] == ["4.5", "45", "4.5", "4.5", "–"]
     assert (rows["two-step"][1], rows["two-step"][-1]) == ("4.9", "+8.89")
     assert (rows["worst case"][1], rows["worst case"][-1]) == ("6.23", "+38.44")
+
+
+def test_limits_are_listed_with_what_they_cost(page: Page) -> None:
+    """With the chosen design first; on the page by their units."""
+    chosen, own = limit_tables(made_up.comparison(), "two_step")
+    assert chosen.rows == [["current_limit_A", "3 A", "raise", "2 of 3 tasks", "0.5 s per A", "0.015"]]
+    assert own.rows[1][1:4] == ["differs", "lower", "the design"]
+    assert {chosen.caption, own.caption, "0.5 s per A"} <= set(page.text)
+
+
+def test_the_joint_solve_has_a_figure_of_its_convergence() -> None:
+    """Entered far off: the first step does not flatten the rest."""
+    points = [[0.0, 900.0], [1.0, 9.0], [2.0, 8.0], [3.0, 7.75], [4.0, 7.7], [5.0, 7.6]]
+    found = SharedDesign(design_mm=[made_up.TABLE_I_MM, made_up.SMALL_MM], convergence=points)
+    designs = made_up.designs()
+    answers = replace(
+        made_up.answers(), designs=designs.model_copy(update={"methods": {**designs.methods, "shared_optimum": found}})
+    )
+    with style():
+        (axes,) = dict(figures_of(answers))["convergence"]().axes
+        assert [list(point) for point in zip(*axes.lines[0].get_data(), strict=True)] == points
+        assert axes.get_ylabel() == "total time [s]"
+        low, high = axes.get_ylim()
+    assert 7.0 < low < 7.6
+    assert 9.0 < high < 10.0
+    assert Page(report_page(Report(answers, TASKS, REQUEST))).tags["svg"] == 6
 
 
 def test_each_task_has_its_row() -> None:

@@ -128,6 +128,34 @@ def test_a_key_that_is_missing_is_an_exit_code_of_its_own(answers: Callable[...,
     assert "ARMATURE_API_KEY" in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("command", "environment", "code", "said"),
+    [
+        ("migrate", {"ARMATURE_WORKERS": "many"}, 3, "ARMATURE_WORKERS = many: input should be a valid integer"),
+        ("migrate", {"ARMATURE_DATABASE_URL": "nonsense"}, 1, "ARMATURE_DATABASE_URL = nonsense: no address such as"),
+        (
+            "key list",
+            {"ARMATURE_DATABASE_URL": "postgresql://me:hidden@127.0.0.1:1/x"},
+            1,
+            "me:***@127.0.0.1:1/x cannot",
+        ),
+        ("robot check ur5 --draw /dev/null/arm.svg", {}, 1, "/dev/null/arm.svg: not a directory"),
+        ("robot check ur5 --draw arm.xyz", {}, 2, "arm.xyz ends neither in .svg"),
+        ("robot check nothing", {}, 3, "no preset of that name; presets are gen3, puma560, ur5"),
+        ("submit /", {}, 3, "/ cannot be read"),
+        ("list --url nonsense", {}, 5, "no server answers at nonsense"),
+        ("watc x", {}, 2, "Did you mean 'watch'"),
+    ],
+)
+def test_what_people_get_wrong_is_said(command: str, environment: dict[str, str], code: int, said: str) -> None:
+    """No traceback, and no password."""
+    done = run(*command.split(), **environment)
+    assert isinstance(done.exception, SystemExit)
+    assert done.exit_code == code
+    assert said in " ".join(done.stderr.split())
+    assert "hidden" not in done.output
+
+
 def shell(script: str, *arguments: str, **environment: str) -> str:
     """What a script of bash prints; `armature` is the command of this checkout."""
     command = f'armature() {{ "{sys.executable}" -m armature.cli.main "$@"; }}\nexport -f armature\n'

@@ -18,6 +18,7 @@ PAGES = {
     "application": "/#/applications/{id}",
     "design": "/#/applications/{id}/design",
     "designs": "/#/applications/{id}/designs",
+    "shared optimum": "/#/applications/{shared}/designs",
     "comparison": "/#/applications/{id}/comparison",
     "task": "/#/applications/{id}/tasks/1",
     "compare": "/#/compare?a={id}&b={id}",
@@ -28,9 +29,9 @@ PHONE = {"width": 390, "height": 844}
 
 
 @pytest.mark.parametrize("name", PAGES)
-def test_accessible_in_light_and_dark_and_on_a_phone(page: Page, finished: str, name: str) -> None:
+def test_accessible_in_light_and_dark_and_on_a_phone(page: Page, finished: str, shared_optimum: str, name: str) -> None:
     """axe-core finds nothing serious; on a phone nothing sticks out of the page."""
-    page.goto(PAGES[name].format(id=finished))
+    page.goto(PAGES[name].format(id=finished, shared=shared_optimum))
     expect(page.get_by_role("heading", level=1)).to_be_visible()
     for scheme, rules in (("light", {}), ("dark", {"runOnly": ["color-contrast"]})):
         page.emulate_media(color_scheme=scheme)
@@ -91,6 +92,19 @@ def test_comparison_and_designs(page: Page, finished: str) -> None:
     page.get_by_role("link", name="Designs", exact=True).click()
     expect(page.locator(".panels svg")).to_have_count(7)
     expect(page.locator(".panels .mark.chosen")).to_have_count(42)
+
+
+def test_how_the_shared_optimum_was_found(page: Page, shared_optimum: str, http: httpx.Client) -> None:
+    """The curve has a point an iteration, and ends where the comparison's total is."""
+    page.goto(f"/#/applications/{shared_optimum}/designs")
+    found = http.get(f"/v1/applications/{shared_optimum}/designs").json()["methods"]["shared_optimum"]
+    total = http.get(f"/v1/applications/{shared_optimum}/comparison").json()["methods"]["shared_optimum"]
+    assert found["convergence"][-1][1] == pytest.approx(total["weighted_objective"], rel=1e-3)
+    last, value = found["convergence"][-1]
+    plot = page.get_by_role("img", name=re.compile(f"to {float(f'{value:.4g}'):g}.s at iteration {last:g}$"))
+    expect(plot).to_be_visible()
+    assert len((plot.locator(".curve").get_attribute("points") or "").split()) == len(found["convergence"])
+    expect(page.locator(".card", has=plot)).to_contain_text(re.compile(f"Iterations{found['iterations']}"))
 
 
 def test_the_list_is_searched_and_many_are_deleted_together(page: Page, http: httpx.Client) -> None:

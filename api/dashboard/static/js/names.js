@@ -1,4 +1,4 @@
-/** A motor's seven lengths, in the order of every design. */
+/** Names and units that answers do not carry: a motor's seven lengths, in the order of every design, and objectives. */
 
 export const DIMENSIONS = ["L", "R_ro", "R_so", "h_m", "h_sy", "w_tooth", "b_0"];
 
@@ -17,3 +17,6 @@ export function symbolParts(name) {
   const [letter, ...index] = name.split("_");
   return [letter, index.join(" ")];
 }
+
+/** Of an objective's value, by its kind; on the wire. */
+export const OBJECTIVE_UNITS = { time: "s", energy: "V2 s", weighted: "1", electrical_energy: "J" };

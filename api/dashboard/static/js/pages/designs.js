@@ -4,7 +4,9 @@ import { get, ofApplication } from "../api.js";
 import { h, replace } from "../dom.js";
 import { count, fixed, number } from "../format.js";
 import { DIMENSION_NAMES } from "../names.js";
+import { OBJECTIVE_UNITS } from "../names.js";
 import { head } from "../parts/head.js";
+import { jointSolve } from "../parts/joint-solve.js";
 import { symbol } from "../parts/symbol.js";
 import { whenChanged } from "../parts/when-changed.js";
 import { boxPlot } from "../plots/boxes.js";
@@ -32,6 +34,7 @@ function content(status, designs, resolved) {
   const boxes = `own designs of ${count(designs.tasks.length, "task")}`;
   return [
     h("section", { class: "card" }, h("h2", {}, "How the tasks' own designs spread"), markKey(marks, boxes), h("div", { class: "panels" }, panels)),
+    jointSolve(designs.methods.shared_optimum, status, OBJECTIVE_UNITS[status.objective.kind]),
     marks.length ? h("section", { class: "card" }, h("h2", {}, "Designs for all tasks [mm]"), sharedTable(designs, marks)) : null,
   ];
 }
