@@ -11,7 +11,7 @@ READY_TO_DEVELOP := $(VENV)/.ready-to-develop
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-faults bench docs lint format lock clean
+.PHONY: help setup demo test test-faults reliability bench docs lint format lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -26,6 +26,9 @@ test: lint ## lint, types, layers, then all tests
 
 test-faults: $(READY_TO_DEVELOP) ## kill and freeze everything as often as docs/reliability.md says (a quarter of an hour)
 	$(BIN)/pytest tests/faults --full-faults -n 2 --dist worksteal  # most of them wait most of the time
+
+reliability: test-faults ## the same, and write what was measured into docs/reliability.md
+	$(BIN)/python -m benchmarks.reliability
 
 bench: $(READY_TO_DEVELOP) ## measure, and write the tables of docs/performance.md (half an hour)
 	@for part in solve_time growth random_tasks "random_tasks --kind energy" fan_out job_parts start_up memory; do \

@@ -1,4 +1,4 @@
-"""Tables and sections of docs/performance.md, written by the benchmarks between markers."""
+"""Tables and sections of pages, written by the benchmarks between markers."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(row)} |" for row in (head, rule, *rows))
 
 
-def put(section: str, text: str) -> None:
-    """Print a section, and replace what the page has between its markers."""
+def put(section: str, text: str, path: Path = PAGE) -> None:
+    """Print a section, and replace what a page has between its markers."""
     print(text, flush=True)
     begin, end = f"<!-- {section} -->", f"<!-- /{section} -->"
-    page = PAGE.read_text()
+    page = path.read_text()
     before, rest = page.split(begin)
     _, after = rest.split(end)
-    PAGE.write_text(f"{before}{begin}\n\n{text}\n\n{end}{after}")
+    path.write_text(f"{before}{begin}\n\n{text}\n\n{end}{after}")

@@ -18,6 +18,7 @@ COUNTS: dict[str, tuple[float, float]] = {
     # what: in `make test`, in `make test-faults`
     "workers killed": (2, 20),
     "pool children killed": (2, 20),
+    "killed while counting": (2, 10),
     "jobs queued in the broker": (20, 100),
     "broker away [s]": (3, 30),
     "Postgres killed in mid-commit": (2, 10),

@@ -12,10 +12,14 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
+
+import sqlalchemy.event
+from sqlalchemy import Engine
 
 import api.main
 import services.jobs.outbox
@@ -37,6 +41,8 @@ DEADLY_TASK = "deadly_task"
 """Index of the task whose co-design kills its process, when the file is there."""
 RAISING_TASK = "raising_task"
 """Index of the task whose co-design raises an exception, when the file is there."""
+DEATH = "death"
+"""The next process that is about to count a finished job is killed, when the file is there; it takes the file along."""
 EXECUTIONS = "executions"
 """A line for every solve that was begun: stage, method, task index."""
 
@@ -59,6 +65,23 @@ def run_worker() -> None:
     worker.run_job.execute = _stand_in  # type: ignore[assignment]
     sys.argv = ["worker"]
     worker.main.main()
+
+
+def run_worker_that_dies_counting() -> None:
+    """A worker of whose processes one is killed when it has stored a result, and is about to lower its stage's counter.
+
+    Once each time that `DEATH` is there.
+    """
+
+    def die(*event: Any) -> None:
+        statement = event[2]
+        if statement.startswith("UPDATE stages "):
+            with suppress(FileNotFoundError):
+                (_home() / DEATH).unlink()
+                os.kill(os.getpid(), signal.SIGKILL)
+
+    sqlalchemy.event.listen(Engine, "before_cursor_execute", die)
+    run_worker()
 
 
 def run_relay() -> None:
@@ -96,6 +119,7 @@ def run_api() -> None:
 
 ROLES: dict[str, Callable[[], None]] = {
     "worker": run_worker,
+    "worker that dies counting": run_worker_that_dies_counting,
     "relay": run_relay,
     "dying relay": run_dying_relay,
     "tenfold relay": run_tenfold_relay,

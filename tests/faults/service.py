@@ -108,6 +108,10 @@ class Service:
         """Let the co-design of a task raise an exception, whenever it is tried."""
         (self.settings.home / roles.RAISING_TASK).write_text(str(index))
 
+    def kill_when_counting(self) -> None:
+        """Let a process be killed between its result and the counter of the stage, once."""
+        (self.settings.home / roles.DEATH).touch()
+
     def executions(self) -> list[str]:
         """One entry for each solve that was begun."""
         return (self.settings.home / roles.EXECUTIONS).read_text().splitlines()

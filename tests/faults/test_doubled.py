@@ -12,6 +12,7 @@ from services.jobs.finish import finish
 from services.jobs.submit import submit
 from shared.db.engine import reading
 from shared.db.tables import Job, Outbox
+from shared.dispatch.broker import celery_app, queue_size
 from shared.settings import Settings
 from tests.faults.conftest import Count, Measured
 from tests.faults.history import assert_true_to_its_word, attempts
@@ -64,6 +65,8 @@ def test_the_relay_killed_between_publish_and_mark(service: Service, count: Coun
         assert relay.exitcode == -9
     with reading(service.engine) as session:
         assert set(session.scalars(select(Outbox.sent))) == {0}, "a kill came after the mark"
+    doubled = kills * (kills + 1) // 2  # each relay sent what all before it had sent
+    assert queue_size(celery_app(service.settings.broker_url)) == doubled, "a kill came before the publishing"
     service.start("relay")
     service.start("worker", ARMATURE_LEASE_S="30")
     service.wait_for_the_end()
@@ -71,7 +74,7 @@ def test_the_relay_killed_between_publish_and_mark(service: Service, count: Coun
     assert len(executions) == 3 * kills  # a co-design, a reconcile and a motion of each application
     assert attempts(service.engine) == {1}
     assert_true_to_its_word(service.engine, service.accepted)
-    measured(f"{kills} kills, up to {kills} messages for a job, {len(executions)} solves of {3 * kills} jobs")
+    measured(f"{kills} kills, {doubled} messages for {kills} jobs, {len(executions)} solves of {3 * kills} jobs")
 
 
 def _at_once(engine: Engine, claims: list[Claim]) -> None:

@@ -11,14 +11,16 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from sqlalchemy import text
+from sqlalchemy import select, text
 from sqlalchemy.exc import DBAPIError, OperationalError
 from sqlalchemy.orm import Session
 
 from services.jobs.claim import claim
 from services.jobs.store import lock_application
 from shared.db import engine as engines
-from shared.db.engine import make_engine
+from shared.db.engine import make_engine, reading
+from shared.db.tables import Application
+from shared.domain import ApplicationState
 from shared.settings import Settings
 from tests.faults.conftest import Count, Measured
 from tests.faults.history import assert_true_to_its_word, recovery_times
@@ -51,24 +53,31 @@ def servers_to_freeze(tmp_path: Path) -> Iterator[Service]:
             yield service
 
 
-def test_a_worker_frozen_past_its_lease(service: Service, measured: Measured) -> None:
-    """Others do its jobs; when it goes on its results come late, and are refused."""
+@pytest.mark.parametrize("late", ["while another solves", "when all is done"])
+def test_a_worker_frozen_past_its_lease(service: Service, measured: Measured, late: str) -> None:
+    """Others have its jobs, or did them; when it goes on, its results come late, and are refused."""
     service.solves_take(NEVER_S)
     service.start("relay")
     frozen = service.start("worker")
     service.submit(2)
     wait_until(lambda: len(service.held()) == 2, START_S)
-    late = service.held()
+    lost = service.held()
     _freeze_outside_a_transaction(service, frozen)
     since = time.time()
-    service.solves_take(0.0)
-    service.start("worker")
-    service.wait_for_the_end()
+    service.start("worker", ARMATURE_LEASE_S="30")
+    wait_until(lambda: len(service.held()) == 2 and not {*service.held()} & {*lost}, RECOVERY_S)
+    if late == "when all is done":
+        service.solves_take(0.0)
+        service.wait_for_the_end()
     signal_family(frozen, signal.SIGCONT)
-    wait_until(lambda: _refused(service) == {claim.job_id for claim in late}, RECOVERY_S)
+    wait_until(lambda: _refused(service) == {claim.job_id for claim in lost}, RECOVERY_S)
+    service.solves_take(0.0)
+    service.wait_for_the_end()
+    assert {*_states(service)} == {ApplicationState.SUCCEEDED}
     assert_true_to_its_word(service.engine, service.accepted)
-    times = recovery_times(service.engine, [(claim.job_id, claim.token, since) for claim in late])
-    measured(f"jobs of a frozen worker done by another: {spread(times)}; its late results refused")
+    if late == "when all is done":
+        times = recovery_times(service.engine, [(claim.job_id, claim.token, since) for claim in lost])
+        measured(f"jobs of a frozen worker done by another: {spread(times)}; its late results refused")
 
 
 def test_redis_frozen(servers_to_freeze: Service, count: Count, measured: Measured) -> None:
@@ -191,6 +200,11 @@ def _freeze_outside_a_transaction(service: Service, process: object) -> None:
             finally:
                 engine.dispose()
             return
+
+
+def _states(service: Service) -> list[str]:
+    with reading(service.engine) as session:
+        return list(session.scalars(select(Application.state)))
 
 
 def _refused(service: Service) -> set[str]:

@@ -64,6 +64,19 @@ def test_pool_children_killed_in_mid_solve(service: Service, count: Count, measu
     measured(f"{len(lost)} jobs lost with their process, done again: {spread(recovery_times(service.engine, lost))}")
 
 
+def test_killed_between_the_result_and_the_counter(service: Service, count: Count) -> None:
+    """Both are one transaction: neither is there, and the job is done again."""
+    kills = count("killed while counting")
+    service.start("relay")
+    service.start("worker that dies counting")
+    for _ in range(kills):
+        service.kill_when_counting()
+        service.submit(1)
+        service.wait_for_the_end(RECOVERY_S)
+    assert len(service.executions()) >= 4 * kills  # a co-design twice, a reconcile, a motion
+    assert_true_to_its_word(service.engine, service.accepted)
+
+
 def test_a_job_that_kills_its_process_each_time(service: Service) -> None:
     """It is dead after three attempts; its neighbours succeed, and the application says what is missing."""
     service.kill_process_of_task(1)

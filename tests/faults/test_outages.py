@@ -61,7 +61,7 @@ def test_the_whole_queue_is_lost(service: Service, broker: Broker, count: Count,
     wait_until(lambda: broker.queued() == jobs, RECOVERY_S, since)
     sent_again_s = time.monotonic() - since
     service.start("worker", ARMATURE_LEASE_S="30")
-    wait_until(lambda: not service.unfinished(), RECOVERY_S, since)
+    service.wait_for_the_end(4 * RECOVERY_S)
     assert attempts(service.engine) == {1}
     assert_true_to_its_word(service.engine, service.accepted)
     measured(
