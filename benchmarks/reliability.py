@@ -1,13 +1,13 @@
-"""What the fault tests measured, as a table of docs/reliability.md: `make reliability`, or after `make test-faults`
+"""What the fault tests measured, as a table of docs/reliability.md.
 
-python -m benchmarks.reliability
+`make reliability` does both; after `make test-faults`, `python -m benchmarks.reliability` only writes the table.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from benchmarks.tables import ROOT, put, table
 
@@ -28,9 +28,9 @@ def main() -> None:
     )
 
 
-def _rows(test: str, figures: Mapping[str, Sequence[str]]) -> list[tuple[str, str, str]]:
+def _rows(test: str, figures: Sequence[str]) -> list[tuple[str, str, str]]:
     name, _, variant = test.rstrip("]").partition("[")
-    return [(f"`{name}`", _servers(name, variant), figure) for figure in figures[test]]
+    return [(f"`{name}`", _servers(name, variant), figure) for figure in figures]
 
 
 def _servers(name: str, variant: str) -> str:
