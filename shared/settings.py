@@ -50,8 +50,8 @@ class Settings(BaseSettings):
     the worker's other processes are idle unless other applications are queued; threads that wait do not spin, so that
     sharing the processors with them costs little."""
     solver_memory_mb: int = Field(2000, ge=1)
-    """A solver process that has held more memory [MB] is replaced after the job in which it did. Tasks one by one take
-    some hundred (docs/performance.md), all of them in one program (`shared_optimum`) more."""
+    """A solver process that has held more memory [MB] is replaced after the job in which it did. All tasks in
+    one program (`shared_optimum`) take the most."""
     solve_time_limit_s: float = Field(600.0, gt=0)
     """Longest time one solve may take."""
 

@@ -145,7 +145,7 @@ class _Solver:
 
 
 MOST_SOLVERS = 8
-"""Kept in a process: 8 to 50 MB each, IPOPT's work space included (docs/performance.md)."""
+"""Kept in a process, each with IPOPT's work space."""
 
 _SOLVERS: Kept[_Solver] = Kept(MOST_SOLVERS)
 _BUSY = threading.Lock()
