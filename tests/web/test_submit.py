@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import httpx
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from tests.web.browser import Watched
 from tests.web.conftest import QUICK, submit
@@ -110,6 +110,25 @@ def test_cancel_and_retry(page: Page, http: httpx.Client) -> None:
     page.get_by_role("dialog").get_by_role("button", name="Delete it").click()
     expect(page.get_by_role("heading", level=1)).to_have_text("Applications")
     assert http.get(f"/v1/applications/{application}").status_code == 404
+
+
+def test_a_search_is_ended_from_its_page(page: Page, http: httpx.Client) -> None:
+    """The button is there while a search runs, which the server is made to say, and asks the server."""
+    application = submit_long(http)
+
+    def searching(route: Route) -> None:
+        response = route.fetch()
+        route.fulfill(response=response, json=response.json() | {"search": "running"})
+
+    page.route(re.compile(rf"/v1/applications/{application}$"), searching)
+    page.route("**/stop_search", lambda route: route.fulfill(status=202, json={}))
+    page.goto(f"/#/applications/{application}")
+    with page.expect_request("**/stop_search") as asked:
+        page.get_by_role("button", name="Use best so far").click()
+    assert asked.value.method == "POST"
+    assert asked.value.url.endswith(f"/v1/applications/{application}/stop_search")
+    page.goto("/#/")  # nothing of it is asked for any more
+    http.delete(f"/v1/applications/{application}")
 
 
 def submit_long(http: httpx.Client) -> str:
