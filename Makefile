@@ -11,7 +11,7 @@ READY_TO_DEVELOP := $(VENV)/.ready-to-develop
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-faults reliability bench docs lint format lock clean
+.PHONY: help setup demo test test-faults reliability bench docs lint format lock clean studies
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -33,6 +33,9 @@ reliability: test-faults ## the same, and write what was measured into docs/reli
 bench: $(READY_TO_DEVELOP) ## measure, and write the tables of docs/performance.md (half an hour)
 	@for part in solve_time growth random_tasks "random_tasks --kind energy" fan_out job_parts start_up memory; do \
 		echo "--- $$part"; OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.$$part || exit 1; done
+
+studies: $(READY_TO_DEVELOP) ## figures and tables of docs/shared_optimum.md, from the stored results
+	$(BIN)/python docs/make_studies.py
 
 docs: $(READY_TO_DEVELOP) ## the documentation site, into out/site; a broken link or anchor ends it
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet

@@ -18,8 +18,12 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 def put(section: str, text: str, path: Path = PAGE) -> None:
     """Print a section, and replace what a page has between its markers."""
     print(text, flush=True)
+    path.write_text(with_section(path.read_text(), section, text))
+
+
+def with_section(content: str, section: str, text: str) -> str:
+    """A page's content with what is between a section's markers replaced."""
     begin, end = f"<!-- {section} -->", f"<!-- /{section} -->"
-    page = path.read_text()
-    before, rest = page.split(begin)
+    before, rest = content.split(begin)
     _, after = rest.split(end)
-    path.write_text(f"{before}{begin}\n\n{text}\n\n{end}{after}")
+    return f"{before}{begin}\n\n{text}\n\n{end}{after}"

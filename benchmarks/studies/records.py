@@ -16,8 +16,9 @@ from typing import Any
 
 from armature.client import Client
 from armature.processes import Place, running_service
+from services.codesign.comparison import over_tasks
 from services.codesign.kernels import default_cache
-from shared.contracts.results import ApplicationStatus, ComparisonAnswer, DesignsAnswer, TaskList
+from shared.contracts.results import ApplicationStatus, ComparisonAnswer, DesignsAnswer
 from shared.contracts.sweeps import SweepStatus
 from shared.settings import Settings
 
@@ -37,11 +38,18 @@ class Record:
     status: ApplicationStatus
     comparison: ComparisonAnswer
     designs: DesignsAnswer
-    failed: Mapping[str, tuple[str, ...]]  # by method, the tasks without a motion
+    objectives: Mapping[str, tuple[float | None, ...]]  # by method, one a task, None without a motion
+    weights: tuple[float, ...]  # one a task
 
-    def complete(self, method: str) -> bool:
-        """Whether the method does every task."""
-        return method in self.comparison.methods and not self.failed[method]
+    def undone(self, method: str) -> int:
+        """How many tasks the method has no motion for."""
+        return self.objectives[method].count(None)
+
+    def judged(self, method: str) -> float | None:
+        """What the design is for, over all tasks; None when one of them has no motion."""
+        values = [value for value in self.objectives[method] if value is not None]
+        share = self.status.objective.over_tasks.worst_share
+        return None if self.undone(method) else over_tasks(values, self.weights, share)
 
 
 def read(study: str) -> dict[str, Record]:
@@ -100,16 +108,20 @@ def _stored(study: str) -> dict[str, Any]:
 def _answers(client: Client, request: Mapping[str, Any]) -> dict[str, Any]:
     application = client.submit(request)
     status = application.wait()
-    tasks = TaskList(items=application.tasks(), next_cursor=None)
+    tasks = application.tasks()
     return {
         "request": request,
         "status": status.model_dump(mode="json"),
         "comparison": application.comparison().model_dump(mode="json"),
         "designs": application.designs().model_dump(mode="json"),
-        "failed": {
-            "own": [task.name for task in tasks.items if task.own is None],
-            **{method: [t.name for t in tasks.items if method not in t.methods] for method in status.methods},
+        "objectives": {
+            "own": [task.own and task.own.objective for task in tasks],
+            **{
+                method: [task.methods[method].objective if method in task.methods else None for task in tasks]
+                for method in status.methods
+            },
         },
+        "weights": [task.weight for task in tasks],
     }
 
 
@@ -119,7 +131,8 @@ def _record(content: Mapping[str, Any]) -> Record:
         status=ApplicationStatus.model_validate(content["status"]),
         comparison=ComparisonAnswer.model_validate(content["comparison"]),
         designs=DesignsAnswer.model_validate(content["designs"]),
-        failed={method: tuple(names) for method, names in content["failed"].items()},
+        objectives={method: tuple(values) for method, values in content["objectives"].items()},
+        weights=tuple(content["weights"]),
     )
 
 

@@ -22,16 +22,16 @@ SWEEPS: dict[str, dict[str, Any]] = {
             "objective": {"kind": "weighted"},
             "tasks": {"grid": {"stroke": [0.4, 0.8], "payload_kg": [0.0, 4.0]}},
         },
-        "axes": {"objective.alpha": [0.0, 0.05, 0.2, 0.35, 0.5, 0.7, 0.9]},
+        "axes": {"objective.alpha": [0.0, 0.05, 0.2, 0.5, 0.9]},
     },
     "gears": {
         "name": "gear ratios, shared optimum",
         "application": {
             **BASE,
             "objective": {"kind": "time"},
-            "tasks": {"grid": {"stroke": [0.2, 0.6, 1.0], "payload_kg": [0.0, 4.0]}},
+            "tasks": {"grid": {"stroke": [0.2, 1.0], "payload_kg": [0.0, 4.0]}},
         },
-        "axes": {"robot_changes.gear_ratio": [40.0, 60.0, 80.0, 100.0, 120.0, 160.0]},
+        "axes": {"robot_changes.gear_ratio": [60.0, 80.0, 100.0, 120.0, 160.0]},
     },
 }
 

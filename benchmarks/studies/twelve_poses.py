@@ -53,7 +53,7 @@ def main() -> None:
     if stored.get("designs_mm") != designs:
         keep(DESIGNS, {"designs_mm": designs, "times_s": every_design(record)})
     for name, method in record.comparison.methods.items():
-        print(f"{name}: {method.total_objective:.4f} s, tasks without a motion: {len(record.failed[name])}")
+        print(f"{name}: {method.total_objective:.4f} s, tasks without a motion: {record.undone(name)}")
 
 
 if __name__ == "__main__":

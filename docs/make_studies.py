@@ -1,0 +1,85 @@
+"""Make every figure and table of docs/shared_optimum.md from what benchmarks/studies stored: `make studies`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))  # benchmarks is no installed package
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from benchmarks.studies.records import Record, read
+from benchmarks.studies.tables import SHARED, sections, single_designs
+from benchmarks.tables import put
+from services.codesign.motor_data import MotorData
+from services.report.box_chart import design_boxes
+from services.report.heat_map import signed
+from services.report.style import BLUE, IMPROVEMENT, INK, QUIET, light_grid, method_name, new_figure, save, style
+from services.report.totals_chart import totals_chart
+
+PAGE = Path(__file__).parent / "shared_optimum.md"
+IMAGES = Path(__file__).parent / "images"
+FULL_COLOUR_PERCENT = 60.0
+COLOURS = {"two_step": "#d98200", "empirical": "#8f4a8b", "worst_case": "#c8361d"}
+
+
+def main() -> None:
+    """Write the images, then the tables between the page's markers."""
+    record = read("twelve_poses")["time"]
+    with style():
+        figures = {
+            "shared-totals": totals_chart([record.comparison], SHARED),
+            "shared-single-designs": single_design_map(record),
+            "shared-designs": design_boxes(record.designs, SHARED, MotorData()),
+            "shared-convergence": convergence(record),
+        }
+    for name, figure in figures.items():
+        print(save(figure, IMAGES / f"{name}.png").name)
+    for name, text in sections().items():
+        put(name, text, PAGE)
+
+
+def single_design_map(record: Record) -> Figure:
+    """Every task with every task's own design: how much longer than with its own motors, in percent."""
+    times, names = single_designs(), [task.name for task in record.designs.tasks]
+    percent = 100 * (times / np.diag(times) - 1)
+    figure = new_figure(10.0, 5.6)
+    axes = figure.subplots()
+    axes.imshow(-percent, cmap=IMPROVEMENT, vmin=-FULL_COLOUR_PERCENT, vmax=FULL_COLOUR_PERCENT, aspect="auto")
+    for (row, column), value in np.ndenumerate(percent):
+        ink = "white" if value > 0.55 * FULL_COLOUR_PERCENT else INK
+        axes.text(column, row, signed(value), ha="center", va="center", fontsize=7.5, color=ink)
+    axes.set_xticks(range(len(names)), names, rotation=35, ha="right", rotation_mode="anchor")
+    axes.set_yticks(range(len(names)), names)
+    axes.set_xlabel("task")
+    axes.set_ylabel("own design of")
+    axes.set_title("Longer than with motors of its own [%]")
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+    return figure
+
+
+def convergence(record: Record) -> Figure:
+    """The joint program's objective along its iterations, and the other designs' totals."""
+    points = np.array(record.designs.methods[SHARED].convergence)
+    figure = new_figure(7.2, 3.6)
+    axes = figure.subplots()
+    axes.plot(points[:, 0], points[:, 1], color=BLUE, label="joint program")
+    for name in ("own", "two_step", "empirical", "worst_case"):
+        total = record.judged(name)
+        if total is not None:
+            axes.axhline(total, color=COLOURS.get(name, QUIET), linewidth=0.9, linestyle=(0, (4, 3)))
+            axes.annotate(
+                method_name(name), (points[-1, 0], total), (0, 3), textcoords="offset points", fontsize=8, ha="right"
+            )
+    axes.set_xlabel("iteration")
+    axes.set_ylabel("total time [s]")
+    axes.set_title("The joint program from its start; points on the way do not obey all constraints yet")
+    light_grid(axes)
+    return figure
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,62 @@
+"""What docs/shared_optimum.md says is what the studies found, and what they found is what it claims."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.studies import twelve_poses
+from benchmarks.studies.records import Record, read
+from benchmarks.studies.tables import SECTIONS, SHARED, best_single_design, largest_regrets, single_designs
+from benchmarks.tables import with_section
+
+PAGE = Path(__file__).parents[2] / "docs" / "shared_optimum.md"
+METHODS = ("two_step", "empirical", "worst_case")
+
+SAME_OPTIMUM = 1e-5
+"""Relative: two solves of tolerance 1e-6 that end in the same optimum."""
+
+REQUESTS = {
+    **{("twelve_poses", name): request for name, request in {"time": twelve_poses.request()}.items()},
+}
+
+
+def record(study: str, name: str) -> Record:
+    return read(study)[name]
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_tables_are_those_of_the_stored_results(section: str) -> None:
+    """`make studies` changes nothing."""
+    page = PAGE.read_text(encoding="utf-8")
+    assert with_section(page, section, SECTIONS[section]()) == page
+
+
+@pytest.mark.parametrize(("study", "name"), REQUESTS)
+def test_results_are_of_what_is_asked_now(study: str, name: str) -> None:
+    assert record(study, name).request == REQUESTS[study, name]
+
+
+@pytest.mark.parametrize(("study", "name"), REQUESTS)
+def test_the_shared_optimum_is_never_worse(study: str, name: str) -> None:
+    """It does every task that any method does, and is judged no worse than any that does them all."""
+    found = record(study, name)
+    compared = [method for method in METHODS if method in found.objectives]
+    assert "two_step" in compared
+    assert found.undone(SHARED) <= min(found.undone(method) for method in compared)
+    ours = found.judged(SHARED)
+    assert ours is not None
+    for method in compared:
+        theirs = found.judged(method)
+        assert theirs is None or ours <= theirs + SAME_OPTIMUM * abs(theirs)
+
+
+def test_no_single_design_fits_the_twelve_poses() -> None:
+    assert min(largest_regrets()) > 0.3
+    ours = record("twelve_poses", "time").judged(SHARED)
+    assert ours is not None
+    assert ours < best_single_design() * (1 - 0.005)
+    own = [task for task in record("twelve_poses", "time").objectives["own"] if task is not None]
+    np.testing.assert_allclose(np.diag(single_designs()), own, rtol=1e-4)
