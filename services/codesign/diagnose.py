@@ -6,13 +6,16 @@ after a failed ladder and says what is likely; a solver that is local by nature 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from services.codesign.elastic import Unmet
 from services.codesign.feasible_motor import motor_obstacle
 from services.codesign.guess import Guess
 from services.codesign.instance import Instance, build_instance, scales_of
+from services.codesign.ladder import Climb
 from services.codesign.motor import constraint_limits
 from services.codesign.motor_data import CONSTRAINTS
 from services.codesign.problem import FINAL_TIME_BOUNDS, Objective, Problem
@@ -22,6 +25,9 @@ from services.codesign.torque_load import torque_load
 
 ROUNDING = 1e-9
 """Relative slack of the proofs: a task exactly at a limit is not refused."""
+
+MOST_NAMED = 6
+"""Limits that a reason names."""
 
 ITERATIONS_EXCEEDED = "Maximum_Iterations_Exceeded"
 
@@ -82,15 +88,16 @@ def explain_failure(
     problem: Problem,
     program: Program,
     instance: Instance,
-    outcome: Outcome,
+    climb: Climb,
     *,
     options: SolverOptions,
     progress: Progress | None,
 ) -> str:
-    """What stands in the way of a task whose solve failed: stopped, or likely torque, time, or what stayed violated.
+    """What stands in the way of a task whose solve failed: stopped, or likely torque, time, limits, what is violated.
 
     When the task's latest final time is the suspect, one more solve looks for the fastest motion.
     """
+    outcome = climb.outcome
     if outcome.status == STOPPED:
         return f"stopped on request after {outcome.iterations} iterations"
     if outcome.status == INTERRUPTED:
@@ -102,10 +109,18 @@ def explain_failure(
         _too_slow(problem, program, outcome, options=options, progress=progress),
     ]
     found = [finding for finding in findings if finding is not None]
+    found += [_least_to_give(climb.unmet)] if climb.unmet else []
     if not found:
         found = [_largest_violation(problem, program, instance, outcome.x)]
     how = "ran out of iterations" if outcome.status == ITERATIONS_EXCEEDED else "found no motion"
     return f"the solver {how} ({outcome.status}); likely, though not proven: {'; '.join(found)}"
+
+
+def _least_to_give(unmet: Sequence[Unmet]) -> str:
+    """The limits that would have to give, with all others kept; of many, the largest few."""
+    named = [f"{limit.words} (+{limit.share:.2g} of it)" for limit in unmet[:MOST_NAMED]]
+    more = [f"and {len(unmet) - MOST_NAMED} more"] if len(unmet) > MOST_NAMED else []
+    return f"the motion found that asks least of the limits breaks these: {', '.join([*named, *more])}"
 
 
 def _too_heavy(problem: Problem, program: Program, instance: Instance) -> str | None:

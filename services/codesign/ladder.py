@@ -5,6 +5,8 @@
 2. `slower motion`: the same, stretched in time (where the time is free): far from the voltage limit.
 3. `strongest motor`: the starting design with the most torque per ampere, for heavy payloads.
 4. `coarse grid`: a fifth of the intervals first, then its motion on the full grid.
+5. `elastic limits`: the motion and motors that ask least of the limits (`elastic.py`). Where they keep all limits the
+   task is solved from there; else what they do not keep is named.
 A start that is handed in comes before them. What the last rung leaves unsolved goes to `diagnose`.
 """
 
@@ -16,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from services.codesign.elastic import ElasticProgram, Unmet, elastic_instance, elastic_start, load_elastic, unmet_limits
 from services.codesign.guess import Guess, motion_guess, quintic_guess, starting_design
 from services.codesign.instance import Instance, build_instance, scales_of
 from services.codesign.motion import read_motion
@@ -34,6 +37,9 @@ COARSE = 5
 
 COARSEST = 8
 
+ENDED = (STOPPED, OUT_OF_TIME, INTERRUPTED)
+"""Statuses after which nothing more is tried."""
+
 HOPELESS = 2.0
 """Torque load (`torque_load`) above which one failed attempt is enough."""
 
@@ -44,6 +50,7 @@ class Climb:
 
     outcome: Outcome
     attempts: tuple[Attempt, ...]
+    unmet: tuple[Unmet, ...] = ()  # limits that would have to give, largest first; empty where that was not looked for
 
 
 @dataclass(frozen=True)
@@ -62,8 +69,9 @@ class _Climber:
     progress: Progress | None
     deadline: float
     attempts: list[Attempt]
+    unmet: tuple[Unmet, ...] = ()
 
-    def attempt(self, name: str, program: Program, instance: Instance, start: Guess) -> Outcome:
+    def attempt(self, name: str, program: Program | ElasticProgram, instance: Instance, start: Guess) -> Outcome:
         outcome = run(
             program,
             instance,
@@ -95,12 +103,15 @@ def climb(
         if guess is None:
             continue
         outcome = climber.attempt(rung.name, program, instance, guess)
-        if outcome.success or outcome.status in (STOPPED, OUT_OF_TIME, INTERRUPTED):
+        if outcome.success or outcome.status in ENDED:
             break
         if torque_load(problem, program, instance).share > HOPELESS:
             break
     assert outcome is not None, "the first rung always offers a start"
-    return Climb(outcome, tuple(climber.attempts))
+    last = climber.attempts[-1].status
+    if last in ENDED:  # while a rung looked for its start
+        outcome = replace(outcome, status=last)
+    return Climb(outcome, tuple(climber.attempts), climber.unmet)
 
 
 def attempt_once(
@@ -133,6 +144,7 @@ def _rungs(
     yield Rung("slower motion", lambda: _slower(problem, program, instance, design))
     yield Rung("strongest motor", lambda: _strongest(problem, program, instance))
     yield Rung("coarse grid", lambda: _coarse(problem, program, instance, design, climber))
+    yield Rung("limits kept after all", lambda: _elastic(problem, program, instance, design, climber))
 
 
 def _given(problem: Problem, program: Program, instance: Instance, start: Guess | Start, fallback: np.ndarray) -> Guess:
@@ -170,3 +182,18 @@ def _coarse(
     found, _, _ = coarse_program.split(outcome.x)
     motion = read_motion(coarse, coarse_program, outcome.x)
     return motion_guess(problem, program, instance, found * scales_of(problem).design, motion)
+
+
+def _elastic(
+    problem: Problem, program: Program, instance: Instance, design: np.ndarray, climber: _Climber
+) -> Guess | None:
+    """The point that asks least of the limits, where that is nothing; else what it asks is remembered."""
+    elastic, start = load_elastic(program), quintic_guess(problem, program, instance, design)
+    outcome = climber.attempt(
+        "elastic limits", elastic, elastic_instance(problem, elastic, instance), elastic_start(elastic, start.x)
+    )
+    if not outcome.success:
+        return None
+    x, shares = np.split(outcome.x, [program.variables])
+    climber.unmet = unmet_limits(problem, shares)
+    return None if climber.unmet else Guess(np.clip(x, instance.lower_x, instance.upper_x))

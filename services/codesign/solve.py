@@ -75,7 +75,7 @@ def solve(
     solution = solution_of(problem, program, instance, result)
     if solution.success:
         return solution
-    reason = explain_failure(problem, program, instance, result.outcome, options=options, progress=progress)
+    reason = explain_failure(problem, program, instance, result, options=options, progress=progress)
     return replace(solution, reason=reason)
 
 

@@ -18,6 +18,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from services.codesign.elastic import ElasticProgram
 from services.codesign.elimination import Elimination, elimination
 from services.codesign.guess import Guess
 from services.codesign.instance import Instance
@@ -26,6 +27,8 @@ from services.codesign.program import Program
 from services.codesign.shared_elimination import shared_elimination
 from services.codesign.shared_program import SharedProgram
 from services.codesign.staged_ldl import StagedLDL, load_staged_ldl
+
+AnyProgram = Program | SharedProgram | ElasticProgram
 
 SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level", "Feasible_Point_Found")
 """Statuses of IPOPT that come with an answer."""
@@ -99,7 +102,7 @@ class Outcome:
 class _Monitor(ca.Callback):
     """IPOPT's iteration callback: reports, and stops the solve when asked to, when time is up or on an exception."""
 
-    def __init__(self, program: Program | SharedProgram) -> None:
+    def __init__(self, program: AnyProgram) -> None:
         ca.Callback.__init__(self)
         self._sizes = {"x": program.variables, "f": 1, "g": program.constraints}
         self._sizes |= {"lam_x": program.variables, "lam_g": program.constraints}
@@ -139,7 +142,7 @@ class _Monitor(ca.Callback):
 
 @dataclass(frozen=True)
 class _Solver:
-    program: Program | SharedProgram  # kept, so that its id stays its own
+    program: AnyProgram  # kept, so that its id stays its own
     function: ca.Function
     monitor: _Monitor
 
@@ -152,7 +155,7 @@ _BUSY = threading.Lock()
 
 
 def run(
-    program: Program | SharedProgram,
+    program: AnyProgram,
     instance: Instance,
     start: Guess,
     options: SolverOptions,
@@ -180,7 +183,8 @@ def run(
     if not _BUSY.acquire(blocking=False):
         raise RuntimeError("a solve is running in this process already: the linear algebra is not safe with threads")
     try:
-        staged, watch = load_staged_ldl(), (progress, attempt, deadline)
+        staged = None if isinstance(program, ElasticProgram) else load_staged_ldl()  # whose order it does not fit
+        watch = (progress, attempt, deadline)
         outcome = _run_with(staged, program, instance, start, options, watch=watch)
         if staged is not None and (staged.refused or outcome.status in LINEAR_ALGEBRA_FAILED):
             outcome = _run_with(None, program, instance, start, options, watch=watch)
@@ -191,7 +195,7 @@ def run(
 
 def _run_with(
     staged: StagedLDL | None,
-    program: Program | SharedProgram,
+    program: AnyProgram,
     instance: Instance,
     start: Guess,
     options: SolverOptions,
@@ -202,7 +206,7 @@ def _run_with(
     warm = start.lam_x is not None and start.lam_g is not None
     solver = _solver(program, options, warm, staged)
     solver.monitor.begin(*watch)
-    if staged is not None:
+    if staged is not None and not isinstance(program, ElasticProgram):
         staged.hand_over(_order(program, instance), options.threads if isinstance(program, SharedProgram) else 1)
     began = time.perf_counter()
     with _interrupts_kept(solver.monitor):
@@ -261,7 +265,7 @@ def _arguments(instance: Instance, start: Guess) -> dict[str, np.ndarray]:
     return numbers
 
 
-def _solver(program: Program | SharedProgram, options: SolverOptions, warm: bool, staged: StagedLDL | None) -> _Solver:
+def _solver(program: AnyProgram, options: SolverOptions, warm: bool, staged: StagedLDL | None) -> _Solver:
     key = (id(program), options, warm, MUMPS if staged is None else str(staged.path))
 
     def make() -> _Solver:
@@ -273,7 +277,7 @@ def _solver(program: Program | SharedProgram, options: SolverOptions, warm: bool
 
 
 def _casadi_options(
-    program: Program | SharedProgram, options: SolverOptions, warm: bool, staged: StagedLDL | None, monitor: _Monitor
+    program: AnyProgram, options: SolverOptions, warm: bool, staged: StagedLDL | None, monitor: _Monitor
 ) -> dict[str, Any]:
     ipopt: dict[str, Any] = {
         "tol": options.tol,

@@ -10,6 +10,7 @@ import pytest
 
 from services.codesign.diagnose import explain_failure, impossible
 from services.codesign.instance import build_instance
+from services.codesign.ladder import Climb
 from services.codesign.motor import evaluate_motor
 from services.codesign.motor_data import MotorData
 from services.codesign.problem import Objective, Problem, Task, Transcription
@@ -128,7 +129,9 @@ def test_the_largest_violation_is_put_in_words(row, words):
     lower[target], upper[target] = 0.5, 0.5
     moved = replace(instance, lower_g=lower, upper_g=upper)
     outcome = Outcome("Infeasible_Problem_Detected", solution.x, solution.lam_x, solution.lam_g, 0.0, 10, 0.1, MUMPS)
-    reason = explain_failure(solution.problem, program, moved, outcome, options=SolverOptions(), progress=None)
+    reason = explain_failure(
+        solution.problem, program, moved, Climb(outcome, ()), options=SolverOptions(), progress=None
+    )
     assert words in reason
     assert "20% into the motion" in reason
 
