@@ -139,7 +139,7 @@ def test_a_task_that_cannot_be_done_spoils_nothing(engine: Engine, settings: Set
     """It is left out of the search, which is better than the other methods over the tasks that remain."""
     tasks = [task.model_dump(exclude_none=True) for task in request().tasks]  # type: ignore[union-attr]
     tasks.insert(1, {"name": "too fast", "start_rad": [1.0] * 6, "end_rad": HOME, "duration_s": 0.06})
-    timed = [{"duration_s": 1.0} | task for task in tasks]
+    timed = [{"duration_s": 1.5} | task | {"payload_kg": 1.0} for task in tasks]  # slow, so that any design will do
     application_id, _ = submit(engine, settings, request(tasks=timed, objective={"kind": "energy"}))
     (work,) = run(engine)
     assert work.shared is not None
