@@ -23,7 +23,7 @@ from sqlalchemy import Engine, select
 import services.codesign.certify
 import services.codesign.ladder
 import services.codesign.solve
-import services.codesign.solver
+import services.codesign.starts
 import services.jobs.execute
 import worker.run_job
 from benchmarks.fan_out import application
@@ -38,7 +38,6 @@ from shared.domain import JobState, Stage
 from shared.settings import Settings
 
 SOLVER, REPLAY = "IPOPT", "replay"
-CERTIFICATE = (REPLAY, "rest of the certificate", "optimality")
 
 PARTS: dict[str, list[tuple[Any, str]]] = {
     "claim": [(worker.run_job, "claim")],
@@ -51,7 +50,7 @@ PARTS: dict[str, list[tuple[Any, str]]] = {
     "limits' costs": [(services.jobs.execute, "limit_slopes")],
     "arrays packed": [(services.jobs.execute, "pack")],
     "hash of the inputs": [(services.jobs.execute, "input_hash")],
-    "rest of the solve": [(services.jobs.execute, "solve")],
+    "rest of the solve": [(services.codesign.starts, "solve")],
     "rest of the job": [(worker.run_job, "execute")],
     "finish": [(worker.run_job, "finish")],
 }
