@@ -73,6 +73,10 @@ class ApplicationBuilder:
         """Constants, limits and bounds of the motors, such as `current_limit_A`; added to those given before."""
         return self._with(motor=self._content.get("motor", {}) | constants)
 
+    def design(self, **fields: Any) -> Self:
+        """Freedom of the design: `gear_ratios={2: [50, 200]}`, `identical=[[1, 2, 3]]`; added to what was given."""
+        return self._with(design=self._content.get("design", {}) | fields)
+
     def transcription(self, **fields: Any) -> Self:
         """How it is solved: `accuracy`, `preset`, or `scheme`, `degree`, `intervals`, `control`."""
         return self._with(transcription=fields)

@@ -232,7 +232,8 @@ class Arm:
 def check(inputs: dict[str, Any], task: dict[str, Any], trajectory: dict[str, Any]) -> dict[str, tuple[float, float]]:
     """Certificate figures by name: (recomputed here, reported)."""
     given = inputs["tasks"][trajectory["task"]]
-    robot = inputs["robot"]
+    gears = trajectory.get("gear_ratio") or inputs["robot"]["gear_ratio"]  # the design's, where they were free
+    robot = inputs["robot"] | {"gear_ratio": gears}
     constants = CONSTANTS | {name: value for name, value in inputs["motor"].items() if value is not None}
     m = motors(np.array(trajectory["design_mm"]), constants)
     arm = Arm(robot, m, given["payload_kg"])

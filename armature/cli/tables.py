@@ -118,9 +118,11 @@ def print_designs(console: Console, designs: DesignsAnswer) -> None:
     for name, design in shared.items():
         if design is None:
             continue
-        table = new_table("joint", *designs.dimensions)
+        gears = design.gear_ratio
+        table = new_table("joint", *designs.dimensions, *([] if gears is None else ["gear"]))
         for joint, values in enumerate(design.design_mm):
-            table.add_row(str(joint + 1), *(f"{value:.2f}" for value in values))
+            gear = [] if gears is None else [f"{gears[joint]:.1f}"]
+            table.add_row(str(joint + 1), *(f"{value:.2f}" for value in values), *gear)
         console.print()
         stopped = " (search stopped by request)" if design.stopped else ""
         print_table(console, f"{name}, mm{stopped}", table)

@@ -29,9 +29,12 @@ _CONSTRAINT_UNITS = {
 """Names for people of `CONSTRAINTS`, in the same order, with their units."""
 
 
-def design_sheet(design: np.ndarray, motor: MotorData) -> dict[str, Any]:
-    """The wire form of a design, shape (n, 7) [m]: ``{"motors": [...]}``."""
-    return {"motors": [motor_sheet(k, row, motor) for k, row in enumerate(design)]}
+def design_sheet(design: np.ndarray, motor: MotorData, gear_ratio: np.ndarray | None = None) -> dict[str, Any]:
+    """The wire form of a design, shape (n, 7) [m]: ``{"motors": [...]}``; with free gears their ratios, shape (n,)."""
+    sheets = [motor_sheet(k, row, motor) for k, row in enumerate(design)]
+    if gear_ratio is not None:
+        sheets = [sheet | {"gear_ratio": float(ratio)} for sheet, ratio in zip(sheets, gear_ratio, strict=True)]
+    return {"motors": sheets}
 
 
 def motor_sheet(joint: int, design: np.ndarray, motor: MotorData) -> dict[str, Any]:

@@ -131,7 +131,7 @@ def _limited_constraints(program: Program) -> tuple[np.ndarray, np.ndarray]:
     kinds = [3] * voltages + [1] * (layout.inequalities // n - voltages)
     one = np.concatenate([kind * n + joints for kind in kinds]) if kinds else np.empty(0, dtype=int)
     starts = np.arange(program.intervals)[:, None] * program.interval_constraints
-    motors = np.arange(n * len(CONSTRAINTS))
+    motors = np.arange(program.motor_constraints)
     rows = np.concatenate([(starts + inside).ravel(), program.intervals * program.interval_constraints + motors])
     return rows, np.concatenate([np.tile(one, program.intervals), len(PATH_LIMITS) * n + 1 + motors])
 

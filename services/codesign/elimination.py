@@ -19,7 +19,6 @@ import numpy as np
 from services.codesign.instance import Instance
 from services.codesign.interval import IntervalLayout
 from services.codesign.kept import Kept
-from services.codesign.motor_data import CONSTRAINTS
 from services.codesign.program import Program
 
 
@@ -138,7 +137,7 @@ def border_stage(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Slacks of the motors' constraints with their multipliers; then design and t_f."""
     first = program.intervals * program.interval_constraints
-    motors = slice(first, first + len(CONSTRAINTS) * program.layout.joints)
+    motors = slice(first, first + program.motor_constraints)
     s, y = slack[motors], multiplier[motors]
     pairs = np.column_stack([s, y])[s >= 0]
     shared = variable[: program.time_index + 1]

@@ -145,7 +145,7 @@ def motor_demand(
     """What a motion (q, qd, qdd), each (m, n), asks of the motors: scaled (i_q, u_d, u_q), each (m, n)."""
     q, qd, qdd = motion
     parameters = instance.parameters[: sum(parameter_sizes(problem.robot.joints).values())]
-    scaled = (design / scales_of(problem).design).ravel()
+    scaled = np.append(design / scales_of(problem).design, np.ones(len(program.layout.free_gears)))
     demand = _demand_at(program.kernels, len(q))
     i_q, u_d, u_q = (part.full().T for part in demand(q.T, qd.T, qdd.T, scaled, parameters))
     return i_q, u_d, u_q

@@ -128,7 +128,18 @@ def _variable_bounds(problem: Problem, program: Program, scales: Scales) -> tupl
     last = program.layout.end_state[: 2 * n]
     lower[-1, last] = upper[-1, last] = end
     time_low, time_high = problem.final_time_bounds
-    return program.join(design_low, time_low, lower), program.join(design_high, time_high, upper)
+    gear_low, gear_high = _gear_bounds(problem)
+    return (
+        program.join(design_low, time_low, lower, gear_low),
+        program.join(design_high, time_high, upper, gear_high),
+    )
+
+
+def _gear_bounds(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds of the free gear ratios over the robot's."""
+    free = [gear for gear in problem.freedom.gears if gear.joint in problem.free_gears]
+    ratio = np.abs(problem.robot.gear_ratio[[gear.joint for gear in free]]) if free else np.empty(0)
+    return np.array([gear.low for gear in free]) / ratio, np.array([gear.high for gear in free]) / ratio
 
 
 def _interval_bounds(problem: Problem, program: Program) -> tuple[np.ndarray, np.ndarray]:
@@ -145,13 +156,13 @@ def _interval_bounds(problem: Problem, program: Program) -> tuple[np.ndarray, np
 
 
 def _constraint_bounds(problem: Problem, program: Program) -> tuple[np.ndarray, np.ndarray]:
-    layout, n = program.layout, problem.robot.joints
+    layout = program.layout
     interval_low = np.concatenate([np.zeros(layout.equalities), -np.ones(layout.inequalities)])
     motor_low, motor_high = constraint_limits(problem.motor)
     if problem.design is not None:  # a given design is not judged again: rounding must not make a motion infeasible
         motor_low, motor_high = np.full(len(CONSTRAINTS), -np.inf), np.full(len(CONSTRAINTS), np.inf)
-    N = program.intervals
+    N, motors = program.intervals, program.motor_constraints // len(CONSTRAINTS)
     return (
-        np.concatenate([np.tile(interval_low, N), np.tile(motor_low, n)]),
-        np.concatenate([np.tile(-interval_low, N), np.tile(motor_high, n)]),
+        np.concatenate([np.tile(interval_low, N), np.tile(motor_low, motors)]),
+        np.concatenate([np.tile(-interval_low, N), np.tile(motor_high, motors)]),
     )

@@ -47,6 +47,7 @@ class IntervalLayout:
     degree: int
     control: str = "voltage"
     dynamics: str = "inverse"
+    free_gears: tuple[int, ...] = ()  # joints whose gear ratio is part of the design, in rising order
 
     def __post_init__(self) -> None:
         collocation(self.scheme, self.degree)
@@ -59,6 +60,11 @@ class IntervalLayout:
     def collocation(self) -> Collocation:
         """The scheme's points and matrices."""
         return collocation(self.scheme, self.degree)
+
+    @property
+    def design_size(self) -> int:
+        """Numbers of a design: seven lengths a joint, then the gear ratios that are free, over the robot's."""
+        return len(DIMENSIONS) * self.joints + len(self.free_gears)
 
     @property
     def has_end_state(self) -> bool:
@@ -137,7 +143,7 @@ class IntervalExpressions:
 
     start: Expression  # (4n,) scaled state at the interval's start
     variables: Expression  # (layout.variables,)
-    design: Expression  # (7n,) scaled
+    design: Expression  # (layout.design_size,) scaled
     final_time: Expression  # t_f [s]
     width: Expression  # share of t_f that the interval takes
     parameters: Expression
@@ -157,6 +163,21 @@ def unpack_parameters(parameters: Expression, joints: int) -> dict[str, Expressi
 def motors_of(design: Expression, p: dict[str, Expression], joints: int) -> list[MotorParameters]:
     """Parameters of every motor from the scaled design vector."""
     return [motor_parameters(design[7 * k : 7 * k + 7] * p["design_scale"], p["coefficients"]) for k in range(joints)]
+
+
+def geared(p: dict[str, Expression], design: Expression, layout: IntervalLayout) -> dict[str, Expression]:
+    """The parameters with the gear ratios that the design chooses, as shares of those given.
+
+    Speeds are measured by the rotor's limit, omega_max / |Z|, and torques by Z, so both scales follow. Then limits on
+    speeds stay bounds of variables, and a point with a share of 2 is the same as one with twice the ratio given.
+    """
+    if not layout.free_gears:
+        return p
+    share = ca.SX.ones(layout.joints)
+    for place, joint in enumerate(layout.free_gears):
+        share[joint] = design[len(DIMENSIONS) * layout.joints + place]
+    follow = {name: p[name] * share for name in ("gear_ratio", "torque_scale")}
+    return p | follow | {"speed_scale": p["speed_scale"] / share}
 
 
 def stacked(motors: list[MotorParameters]) -> MotorParameters:
@@ -179,11 +200,11 @@ def interval_expressions(robot: Robot, layout: IntervalLayout) -> IntervalExpres
     n = layout.joints
     start = ca.SX.sym("start", layout.state_size)
     variables = ca.SX.sym("variables", layout.variables)
-    design = ca.SX.sym("design", len(DIMENSIONS) * n)
+    design = ca.SX.sym("design", layout.design_size)
     final_time, width = ca.SX.sym("final_time"), ca.SX.sym("width")
     parameters = ca.SX.sym("parameters", sum(parameter_sizes(n).values()))
 
-    p = unpack_parameters(parameters, n)
+    p = geared(unpack_parameters(parameters, n), design, layout)
     motors = motors_of(design, p, n)
     arm = build_arm(robot, motors, p["payload"], p["gear_ratio"])
     h = final_time * width
@@ -258,7 +279,7 @@ def _current_path(
     return ca.vertcat(*defects, *bounded), effort
 
 
-def demand_expressions(robot: Robot) -> tuple[list[Expression], list[Expression]]:
+def demand_expressions(robot: Robot, layout: IntervalLayout) -> tuple[list[Expression], list[Expression]]:
     """Inputs and outputs of the map from a motion to what it asks of the motors, all scaled.
 
     (q [rad], qd [rad/s], qdd [rad/s2], design, parameters) -> (i_q, u_d, u_q), with i_d = 0 and the currents' rates
@@ -266,9 +287,9 @@ def demand_expressions(robot: Robot) -> tuple[list[Expression], list[Expression]
     """
     n = robot.joints
     q, qd, qdd = (ca.SX.sym(name, n) for name in ("q", "qd", "qdd"))
-    design = ca.SX.sym("design", len(DIMENSIONS) * n)
+    design = ca.SX.sym("design", layout.design_size)
     parameters = ca.SX.sym("parameters", sum(parameter_sizes(n).values()))
-    p = unpack_parameters(parameters, n)
+    p = geared(unpack_parameters(parameters, n), design, layout)
     motors, P = motors_of(design, p, n), p["coefficients"][0]
     motor = stacked(motors)
     tau = inverse_dynamics(build_arm(robot, motors, p["payload"], p["gear_ratio"]), q, qd, qdd)

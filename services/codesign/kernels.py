@@ -237,7 +237,7 @@ def _functions(robot: Robot, layout: IntervalLayout) -> dict[str, ca.Function]:
         "jacobian": (inputs, [ca.jacobian(e.constraints, v)]),
         "effort_gradient": (inputs, [ca.jacobian(e.effort, v).T]),
         "hessian": ([*inputs, lam_g, lam_e], [ca.triu(hessian)]),
-        "demand": demand_expressions(robot),
+        "demand": demand_expressions(robot, layout),
     }
     functions = {**interval, **_motor_functions(layout.joints)}
     return {name: ca.Function(name, i, o, {"cse": True}) for name, (i, o) in functions.items()}

@@ -23,7 +23,7 @@ from services.codesign.guess import Guess, motion_guess, quintic_guess, starting
 from services.codesign.instance import Instance, build_instance, scales_of
 from services.codesign.motion import read_motion
 from services.codesign.problem import Problem
-from services.codesign.program import Program, load_program
+from services.codesign.program import Program, program_of
 from services.codesign.solution import Attempt, Start
 from services.codesign.solver import INTERRUPTED, OUT_OF_TIME, STOPPED, Outcome, Progress, SolverOptions, run
 from services.codesign.strongest_motor import strongest_motor
@@ -173,7 +173,7 @@ def _coarse(
     if intervals >= program.intervals:
         return None
     coarse = replace(problem, transcription=replace(problem.transcription, intervals=intervals, widths=None))
-    coarse_program = load_program(problem.robot, program.layout, intervals)
+    coarse_program = program_of(coarse)
     coarse_instance = build_instance(coarse, coarse_program)
     guess = quintic_guess(coarse, coarse_program, coarse_instance, design)
     outcome = climber.attempt(f"coarse grid of {intervals} intervals", coarse_program, coarse_instance, guess)

@@ -18,7 +18,7 @@ from services.codesign.instance import TYPICAL_DESIGN, Instance, build_instance,
 from services.codesign.interval import IntervalLayout
 from services.codesign.motor_data import CONSTRAINTS, DIMENSIONS, MotorData
 from services.codesign.problem import Problem
-from services.codesign.program import Program, load_program
+from services.codesign.program import Program, program_of
 
 BINDS = 1e-3
 """A limit binds when changing it by a small share changes the optimum by more than this times that share: interior
@@ -64,13 +64,13 @@ def limit_slopes(problem: Problem, lam_x: np.ndarray, lam_g: np.ndarray) -> dict
     lam_x, lam_g
         The optimum's multipliers, of the program on the problem's grid.
     """
-    program = load_program(problem.robot, problem.layout, problem.transcription.intervals)
+    program = program_of(problem)
     instance = build_instance(problem, program)
     lam_x, lam_g = lam_x / objective_scale(problem), lam_g / objective_scale(problem)
     of_motors = program.intervals * program.interval_constraints
     limits = dict(_motion_limits(problem, program, instance, lam_x, lam_g[:of_motors]))
     if problem.design is None:
-        limits |= design_slopes(problem.motor, lam_x[: program.design_size], lam_g[of_motors:])
+        limits |= design_slopes(problem.motor, lam_x[: program.lengths], lam_g[of_motors:])
     return limits
 
 
@@ -80,7 +80,7 @@ def design_slopes(motor: MotorData, lam_design: np.ndarray, lam_motors: np.ndarr
     Parameters
     ----------
     lam_design, lam_motors
-        Multipliers of the scaled lengths, shape (7n,), and of the design constraints, shape (6n,), of the objective
+        Multipliers of the scaled lengths, shape (7m,), and of the design constraints, shape (6m,), of the objective
         in its own unit.
     """
     lengths = lam_design.reshape(-1, len(DIMENSIONS)) / (TYPICAL_DESIGN / MM)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,9 +42,17 @@ def motors_of_design(design: np.ndarray, problem: Problem) -> MotorParameters:
     return evaluate_motors(design, problem.motor)
 
 
+def with_gears_of(problem: Problem, program: Program, x: np.ndarray) -> Problem:
+    """The problem with the gear ratios that a point has chosen as the robot's."""
+    if not program.layout.free_gears:
+        return problem
+    return replace(problem, robot=problem.robot.with_gears(problem.robot.gear_ratio * program.gear_shares(x)))
+
+
 def read_motion(problem: Problem, program: Program, x: np.ndarray) -> Motion:
     """The motion that a program's variables describe."""
     layout, scheme, N, n = program.layout, program.layout.collocation, program.intervals, problem.robot.joints
+    problem = with_gears_of(problem, program, x)
     scales = scales_of(problem)
     design, final_time, z = program.split(x)
     h = final_time * problem.transcription.shares

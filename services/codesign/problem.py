@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from services.codesign.freedom import Freedom, TieBreak
 from services.codesign.interval import IntervalLayout
 from services.codesign.motor_data import MotorData
 from services.codesign.robot import Robot
@@ -86,9 +87,9 @@ class Transcription:
         """Share of t_f that each interval takes, shape (N,)."""
         return np.full(self.intervals, 1 / self.intervals) if self.widths is None else np.array(self.widths)
 
-    def layout(self, joints: int) -> IntervalLayout:
-        """The layout of one interval for an arm of `joints` joints."""
-        return IntervalLayout(joints, self.scheme, self.degree, self.control, self.dynamics)
+    def layout(self, joints: int, free_gears: tuple[int, ...] = ()) -> IntervalLayout:
+        """The layout of one interval for an arm of `joints` joints, some of them with a free gear ratio."""
+        return IntervalLayout(joints, self.scheme, self.degree, self.control, self.dynamics, free_gears)
 
 
 @dataclass(frozen=True)
@@ -109,12 +110,31 @@ class Problem:
     motor: MotorData = field(default_factory=MotorData)
     objective: Objective = field(default_factory=Objective)
     transcription: Transcription = field(default_factory=Transcription)
-    design: np.ndarray | None = None  # (n, 7) m: fixed motors, None: free
+    design: np.ndarray | None = None  # (n, 7) m: fixed motors and the robot's gears, None: free
+    freedom: Freedom = field(
+        default_factory=Freedom
+    )  # of a design that is free; the search begins at the robot's gear ratios
+    tie_break: TieBreak | None = None  # of a design that is free; None: whichever the solver comes upon
+
+    def __post_init__(self) -> None:
+        joints = list(self.freedom.free_gears)
+        if joints and (self.task.start_velocity[joints].any() or self.task.end_velocity[joints].any()):
+            raise ValueError("a joint whose gear ratio is free must start and end its tasks at rest")
+
+    @property
+    def free_gears(self) -> tuple[int, ...]:
+        """Joints whose gear ratio is sought; none with a design that is given."""
+        return self.freedom.free_gears if self.design is None else ()
+
+    @property
+    def motor_of(self) -> tuple[int, ...]:
+        """The motor, 0..m-1, of each joint; with a design that is given every joint has one of its own."""
+        return (self.freedom if self.design is None else Freedom()).motor_of(self.robot.joints)
 
     @property
     def layout(self) -> IntervalLayout:
         """The layout of one interval."""
-        return self.transcription.layout(self.robot.joints)
+        return self.transcription.layout(self.robot.joints, self.free_gears)
 
     @property
     def final_time_bounds(self) -> tuple[float, float]:

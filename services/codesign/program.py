@@ -1,8 +1,11 @@
 """The nonlinear program of one task: interval kernels laid side by side, bordered by the design and t_f.
 
-Variables ``x = [design (7n), t_f, interval_0, ..., interval_(N-1)]``, all scaled but t_f [s]; constraints
-``g = [interval constraints 0..N-1, design constraints motor by motor]``. The sparsity is known from the kernels',
-so the derivatives are gathered into place rather than found by differentiating the whole.
+Variables ``x = [design, t_f, interval_0, ..., interval_(N-1)]``, all scaled but t_f [s], where the design is seven
+lengths for each motor and the gear ratios that are free, over the robot's; constraints ``g = [interval constraints
+0..N-1, design constraints motor by motor]``. A joint has a motor of its own, or shares one.
+
+The sparsity is known from the kernels', so the derivatives are gathered into place rather than found by differentiating
+the whole.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from services.codesign.interval import IntervalLayout, parameter_sizes
 from services.codesign.kept import Kept
 from services.codesign.kernels import SHARED_INPUTS, Kernels, load_kernels
 from services.codesign.motor_data import CONSTRAINTS, DIMENSIONS
+from services.codesign.problem import Problem
 from services.codesign.robot import Robot
 
 
@@ -31,6 +35,7 @@ class Program:
 
     layout: IntervalLayout
     intervals: int
+    motor_of: tuple[int, ...]  # the motor, 0..m-1, of each joint
     kernels: Kernels
     nlp: ca.Function  # (x, p) -> (f, g)
     grad_f: ca.Function  # (x, p) -> (f, gradient)
@@ -38,9 +43,19 @@ class Program:
     hess_lag: ca.Function  # (x, p, lam_f, lam_g) -> upper triangle of the Hessian
 
     @property
+    def lengths(self) -> int:
+        """Number of lengths in a design: 7m."""
+        return len(DIMENSIONS) * (max(self.motor_of) + 1)
+
+    @property
     def design_size(self) -> int:
-        """7n."""
-        return len(DIMENSIONS) * self.layout.joints
+        """Number of variables of a design: lengths, then free gear ratios."""
+        return self.lengths + len(self.layout.free_gears)
+
+    @property
+    def motor_constraints(self) -> int:
+        """Constraints on the motors: 6m."""
+        return len(CONSTRAINTS) * (max(self.motor_of) + 1)
 
     @property
     def time_index(self) -> int:
@@ -60,17 +75,27 @@ class Program:
     @property
     def constraints(self) -> int:
         """Number of constraints."""
-        return self.intervals * self.interval_constraints + len(CONSTRAINTS) * self.layout.joints
+        return self.intervals * self.interval_constraints + self.motor_constraints
 
     def split(self, x: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
         """x -> scaled design (n, 7), t_f [s], interval variables (N, layout.variables)."""
-        design = x[: self.design_size].reshape(self.layout.joints, len(DIMENSIONS))
+        design = x[: self.lengths].reshape(-1, len(DIMENSIONS))[list(self.motor_of)]
         intervals = x[self.design_size + 1 :].reshape(self.intervals, self.layout.variables)
         return design, float(x[self.time_index]), intervals
 
-    def join(self, design: np.ndarray, final_time: float, intervals: np.ndarray) -> np.ndarray:
-        """Inverse of `split`."""
-        return np.concatenate([design.ravel(), [final_time], intervals.ravel()])
+    def join(
+        self, design: np.ndarray, final_time: float, intervals: np.ndarray, gears: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Inverse of `split`, with free gear ratios over the robot's: 1 when None; of joints alike the first counts."""
+        first = [self.motor_of.index(motor) for motor in range(max(self.motor_of) + 1)]
+        shares = np.ones(len(self.layout.free_gears)) if gears is None else gears
+        return np.concatenate([design[first].ravel(), shares, [final_time], intervals.ravel()])
+
+    def gear_shares(self, x: np.ndarray) -> np.ndarray:
+        """Gear ratios over the robot's, shape (n,): 1 where they are not free."""
+        shares = np.ones(self.layout.joints)
+        shares[list(self.layout.free_gears)] = x[self.lengths : self.design_size]
+        return shares
 
 
 MOST_PROGRAMS = 8
@@ -79,20 +104,34 @@ MOST_PROGRAMS = 8
 _PROGRAMS: Kept[Program] = Kept(MOST_PROGRAMS)
 
 
-def load_program(robot: Robot, layout: IntervalLayout, intervals: int, cache: Path | None = None) -> Program:
-    """The program of an arm on a grid, kept in the process."""
-    kernels = load_kernels(robot, layout, cache)
-    key = (id(kernels), intervals)  # a program that is kept keeps its kernels, and so their id
-    return _PROGRAMS.get(key, lambda: build_program(kernels, layout, intervals))
+def load_program(
+    robot: Robot,
+    layout: IntervalLayout,
+    intervals: int,
+    cache: Path | None = None,
+    motor_of: tuple[int, ...] | None = None,
+) -> Program:
+    """The program of an arm on a grid, kept in the process; without `motor_of` every joint has its own motor."""
+    kernels, motors = load_kernels(robot, layout, cache), motor_of or tuple(range(layout.joints))
+    key = (id(kernels), intervals, motors)  # a program that is kept keeps its kernels, and so their id
+    return _PROGRAMS.get(key, lambda: build_program(kernels, layout, intervals, motors))
 
 
-def build_program(kernels: Kernels, layout: IntervalLayout, intervals: int) -> Program:
-    """Assemble the program's functions from an interval's."""
-    s = _Symbols(layout, intervals)
-    n, N = layout.joints, intervals
+def program_of(problem: Problem) -> Program:
+    """The program that a problem is an instance of."""
+    return load_program(problem.robot, problem.layout, problem.transcription.intervals, motor_of=problem.motor_of)
+
+
+def build_program(
+    kernels: Kernels, layout: IntervalLayout, intervals: int, motor_of: tuple[int, ...] | None = None
+) -> Program:
+    """Assemble the program's functions from an interval's; without `motor_of` every joint has its own motor."""
+    motor_of = motor_of or tuple(range(layout.joints))
+    s = _Symbols(layout, intervals, motor_of)
+    N, motors = intervals, max(motor_of) + 1
     calls = -(-N // kernels.lanes)
     idle = calls * kernels.lanes - N  # lanes of the last call that evaluate the last interval again
-    indices = _Indices(layout, intervals, idle)
+    indices = _Indices(layout, intervals, idle, motor_of)
 
     def over_intervals(function: ca.Function, *more: Any) -> Any:
         """Output with a column for each interval, idle lanes included."""
@@ -101,8 +140,8 @@ def build_program(kernels: Kernels, layout: IntervalLayout, intervals: int) -> P
         return mapped(starts, columns, s.design, s.final_time, widths, s.parameters, *others)
 
     def over_motors(function: ca.Function, *more: Any) -> Any:
-        mapped = function.map(function.name(), "serial", n, [1], [])
-        return mapped(ca.reshape(s.design, len(DIMENSIONS), n), s.parameters, *more)
+        mapped = function.map(function.name(), "serial", motors, [1], [])
+        return mapped(ca.reshape(s.x[: len(DIMENSIONS) * motors], len(DIMENSIONS), motors), s.parameters, *more)
 
     g_intervals, efforts = over_intervals(kernels.value)
     f = s.time_weight * s.final_time + s.effort_weight * ca.sum2(efforts[:, :N])
@@ -121,12 +160,13 @@ def build_program(kernels: Kernels, layout: IntervalLayout, intervals: int) -> P
     split = N * (layout.equalities + layout.inequalities)
     lam_intervals = ca.reshape(lam_g[:split], -1, N)
     hessian = over_intervals(kernels.hessian, lam_intervals, ca.repmat(lam_f * s.effort_weight, 1, N))
-    motor_hessian = over_motors(kernels.motor_hessian, ca.reshape(lam_g[split:], len(CONSTRAINTS), n))
+    motor_hessian = over_motors(kernels.motor_hessian, ca.reshape(lam_g[split:], len(CONSTRAINTS), motors))
     hess = indices.hessian(kernels, hessian, motor_hessian)
 
     return Program(
         layout=layout,
         intervals=intervals,
+        motor_of=motor_of,
         kernels=kernels,
         nlp=ca.Function("nlp", [s.x, s.p], [f, g], ["x", "p"], ["f", "g"]),
         grad_f=ca.Function("nlp_grad_f", [s.x, s.p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
@@ -148,14 +188,23 @@ def _unit(value: Any, indices: _Indices) -> Any:
     return unit * value
 
 
+def _design_places(layout: IntervalLayout, motor_of: tuple[int, ...]) -> np.ndarray:
+    """Where in x each number of a design as the kernels have it is, shape (layout.design_size,)."""
+    lengths = len(DIMENSIONS) * np.array(motor_of)[:, None] + np.arange(len(DIMENSIONS))
+    gears = len(DIMENSIONS) * (max(motor_of) + 1) + np.arange(len(layout.free_gears))
+    return np.concatenate([lengths.ravel(), gears])
+
+
 class _Symbols:
     """Symbolic x and p, and their parts as the kernels take them."""
 
-    def __init__(self, layout: IntervalLayout, intervals: int) -> None:
+    def __init__(self, layout: IntervalLayout, intervals: int, motor_of: tuple[int, ...]) -> None:
         n, N = layout.joints, intervals
-        sizes = [len(DIMENSIONS) * n, 1, N * layout.variables]
+        places = _design_places(layout, motor_of)
+        sizes = [int(places.max()) + 1, 1, N * layout.variables]
         self.x = ca.MX.sym("x", sum(sizes))
-        self.design, self.final_time, flat = ca.vertsplit(self.x, np.cumsum([0, *sizes]).tolist())
+        design, self.final_time, flat = ca.vertsplit(self.x, np.cumsum([0, *sizes]).tolist())
+        self.design = design[places.tolist()]
         self.columns = ca.reshape(flat, layout.variables, N)
         parts = [sum(parameter_sizes(n).values()), layout.state_size, N, 1, 1]
         self.p = ca.MX.sym("p", sum(parts))
@@ -169,33 +218,35 @@ class _Symbols:
 class _Indices:
     """Where each kernel derivative goes in the whole program."""
 
-    def __init__(self, layout: IntervalLayout, intervals: int, idle: int) -> None:
+    def __init__(self, layout: IntervalLayout, intervals: int, idle: int, motor_of: tuple[int, ...]) -> None:
         self.layout, self.intervals, self.evaluated = layout, intervals, intervals + idle
-        self.time = len(DIMENSIONS) * layout.joints
+        self.motors, self.design = max(motor_of) + 1, _design_places(layout, motor_of)
+        self.time = int(self.design.max()) + 1
         self.size = self.time + 1 + intervals * layout.variables
         self.rows = layout.equalities + layout.inequalities
 
     def columns(self, w: int) -> np.ndarray:
         """Program index of each entry of a kernel's v in interval w; -1 for the start state and idle lanes."""
         if w >= self.intervals:
-            return np.full(self.layout.state_size + self.layout.variables + self.time + 1, -1)
+            return np.full(self.layout.state_size + self.layout.variables + len(self.design) + 1, -1)
         layout, first = self.layout, self.time + 1 + w * self.layout.variables
         start = first - layout.variables + np.array(layout.end_state)
         own = first + np.arange(layout.variables)
-        border = np.arange(self.time + 1)
-        return np.concatenate([start if w else np.full(layout.state_size, -1), own, border])
+        return np.concatenate([start if w else np.full(layout.state_size, -1), own, self.design, [self.time]])
 
     def jacobian(self, kernels: Kernels, interval: Any, motor: Any) -> Any:
         local = _places(kernels, "jacobian")
         local_motor = _places(kernels, "motor_jacobian")
-        n, constraints = self.layout.joints, len(CONSTRAINTS)
+        constraints = len(CONSTRAINTS)
         first = self.intervals * self.rows
         rows = [w * self.rows + local[0] for w in range(self.evaluated)]
         cols = [self.columns(w)[local[1]] for w in range(self.evaluated)]
-        rows += [first + constraints * k + local_motor[0] for k in range(n)]
-        cols += [len(DIMENSIONS) * k + local_motor[1] for k in range(n)]
+        rows += [first + constraints * k + local_motor[0] for k in range(self.motors)]
+        cols += [len(DIMENSIONS) * k + local_motor[1] for k in range(self.motors)]
         values = ca.vertcat(_nonzeros(interval), _nonzeros(motor))
-        return scatter(values, np.concatenate(rows), np.concatenate(cols), (first + constraints * n, self.size))
+        return scatter(
+            values, np.concatenate(rows), np.concatenate(cols), (first + constraints * self.motors, self.size)
+        )
 
     def gradient(self, kernels: Kernels, efforts: Any) -> Any:
         local, _ = _places(kernels, "effort_gradient")
@@ -206,9 +257,13 @@ class _Indices:
         local = _places(kernels, "hessian")
         local_motor = _places(kernels, "motor_hessian")
         pairs = [self.columns(w)[part] for w in range(self.evaluated) for part in local]
-        pairs += [len(DIMENSIONS) * k + part for k in range(self.layout.joints) for part in local_motor]
+        pairs += [len(DIMENSIONS) * k + part for k in range(self.motors) for part in local_motor]
         a, b = np.concatenate(pairs[0::2]), np.concatenate(pairs[1::2])
         values = ca.vertcat(_nonzeros(interval), _nonzeros(motor))
+        across = np.concatenate([part[0] != part[1] for part in [local] * self.evaluated + [local_motor] * self.motors])
+        twice = (a == b) & across  # two lengths that are one variable: both halves of the matrix meet on the diagonal
+        if twice.any():
+            values = values * ca.DM(1.0 + twice)
         return scatter(values, np.minimum(a, b), np.maximum(a, b), (self.size, self.size))
 
 

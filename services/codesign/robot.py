@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from typing import Any
 
@@ -166,6 +166,10 @@ class Robot:
         """|qd| allowed by the rotor speed limit and the gears, and by the joints, shape (n,), rad/s  (eq. 5c)."""
         limit: np.ndarray = np.minimum(self.rotor_speed_limit / np.abs(self.gear_ratio), self.joint_speed_bound)
         return limit
+
+    def with_gears(self, gear_ratio: np.ndarray) -> Robot:
+        """The same arm with other gear ratios, shape (n,)."""
+        return replace(self, gear_ratio=_read_only(np.array(gear_ratio, dtype=float)))
 
     @classmethod
     def from_wire(cls, wire: Mapping[str, Any]) -> Robot:

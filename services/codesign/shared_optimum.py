@@ -15,12 +15,13 @@ from services.codesign.guess import Guess, motion_guess
 from services.codesign.instance import build_instance, objective_scale, scales_of
 from services.codesign.kept import Kept
 from services.codesign.limits import LimitSlope, binding, design_slopes
-from services.codesign.motion import Motion
+from services.codesign.motion import Motion, with_gears_of
 from services.codesign.optimality import Optimality, optimality
 from services.codesign.problem import Problem
-from services.codesign.program import Program, load_program
+from services.codesign.program import Program, program_of
 from services.codesign.shared_program import SharedProgram, build_shared_program
 from services.codesign.solver import IterationReport, Progress, SolverOptions, run
+from services.codesign.tie_break import preferred
 
 _PROGRAMS: Kept[SharedProgram] = Kept(2)
 
@@ -45,10 +46,11 @@ class SharedOptimum:
     status: str  # IPOPT's
     design: np.ndarray | None  # (n, 7) m
     reached: np.ndarray  # (n, 7) m, where the solver stood at its end; the motors' constraints may not hold there
+    gear_ratio: np.ndarray  # (n,), where the solver stood: those found where they are free, else the robot's
     objective: float  # of the whole: `comparison.over_tasks`
     iterations: int
     solve_time: float  # s
-    optimality: Optimality  # residuals of the joint program
+    optimality: Optimality  # residuals of the joint program, at its optimum
     convergence: tuple[tuple[int, float], ...]  # (iteration, objective)
     deciding: tuple[float, ...] = ()  # how much each task decides about the worst one's objective, sum 1; () without
     design_limits: Mapping[str, LimitSlope] = field(default_factory=dict)  # that hold the design back, by name
@@ -68,7 +70,8 @@ def solve_shared(
     Parameters
     ----------
     problems
-        One a task, alike but for their tasks and the references of a weighted objective; the design is free.
+        One a task, alike but for their tasks and the references of a weighted objective; the design is free. The
+        robot's gear ratios are where free ones begin.
     weights
         One a task, > 0; the sum is over ``weight x objective``.
     progress
@@ -76,7 +79,7 @@ def solve_shared(
     worst_share
         0: the weighted sum; 1: the worst task's objective; between: a mix (`comparison.over_tasks`).
     """
-    task = load_program(problems[0].robot, problems[0].layout, problems[0].transcription.intervals)
+    task = program_of(problems[0])
     program = _shared(task, len(problems), worst_share > 0, options.threads)
     parts = [build_instance(problem, task) for problem in problems]
     guess = [
@@ -93,18 +96,26 @@ def solve_shared(
 
     worst = max(float(task.nlp(x, part.parameters)[0]) for x, part in zip(guess, parts, strict=True))
     outcome = run(program, instance, Guess(program.join(guess, worst)), options, progress=watched)
-    reached = outcome.x[: task.design_size].reshape(start.design.shape) * scales_of(problems[0]).design
+    certificate = optimality(program, instance, outcome.x, outcome.lam_x, outcome.lam_g)
+    if outcome.success and problems[0].tie_break is not None:
+        at = outcome.objective / unit
+        as_found = None if progress is None else lambda report: progress(replace(report, objective=at))
+        tried = preferred(problems[0], program, instance, outcome, options=options, progress=as_found)
+        outcome = tried if tried.success else outcome
+    scaled, _, _ = task.split(outcome.x[program.variables_of(0)])
+    reached = scaled * scales_of(problems[0]).design
     lam_motors = outcome.lam_g[program.constraints_of(0)[task.intervals * task.interval_constraints :]]
-    design_limits = design_slopes(problems[0].motor, outcome.lam_x[: task.design_size] / unit, lam_motors / unit)
+    design_limits = design_slopes(problems[0].motor, outcome.lam_x[: task.lengths] / unit, lam_motors / unit)
     return SharedOptimum(
         success=outcome.success,
         status=outcome.status,
         design=reached if outcome.success else None,
         reached=reached,
+        gear_ratio=with_gears_of(problems[0], task, outcome.x).robot.gear_ratio,
         objective=outcome.objective / unit,
         iterations=outcome.iterations,
         solve_time=outcome.seconds,
-        optimality=optimality(program, instance, outcome.x, outcome.lam_x, outcome.lam_g),
+        optimality=certificate,
         convergence=tuple(convergence),
         deciding=_deciding(outcome.lam_g[program.worst_rows]),
         design_limits=binding(design_limits, outcome.objective / unit),

@@ -1,6 +1,6 @@
 """The program of all tasks with one design: Problem 1 itself, which the paper holds for intractable.
 
-It is the tasks' own programs side by side: variables ``x = [design (7n), motion_0, motion_1, ..., z]`` where a motion
+It is the tasks' own programs side by side: variables ``x = [design, motion_0, motion_1, ..., z]`` where a motion
 is ``[t_f, interval_0, ..., interval_(N-1)]``; constraints ``g = [intervals of task 0, of task 1, ..., design
 constraints, f_0 - z, f_1 - z, ...]`` with the tasks' objectives f_k. The objective is ``a'f + b z``. So z is the worst
 task's objective; without a weight on it, z and its constraints are left out. The derivatives are those of a task's
@@ -17,7 +17,6 @@ import casadi as ca
 import numpy as np
 
 from services.codesign.instance import Instance
-from services.codesign.motor_data import CONSTRAINTS
 from services.codesign.program import Program, scatter
 
 
@@ -147,7 +146,7 @@ def _constraints_of(task: Program, k: int, tasks: int) -> np.ndarray:
 
 
 def _first_worst_row(task: Program, tasks: int) -> int:
-    return tasks * _motion_constraints(task) + len(CONSTRAINTS) * task.layout.joints
+    return tasks * _motion_constraints(task) + task.motor_constraints
 
 
 def _once(task: Program, tasks: int) -> ca.DM:

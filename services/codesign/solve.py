@@ -5,17 +5,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from services.codesign.diagnose import explain_failure, impossible
 from services.codesign.guess import Guess
 from services.codesign.instance import Instance, build_instance, objective_scale, objective_weights, scales_of
 from services.codesign.ladder import Climb, climb
 from services.codesign.measures import measure
-from services.codesign.motion import read_motion
+from services.codesign.motion import read_motion, with_gears_of
 from services.codesign.optimality import optimality
 from services.codesign.problem import Objective, Problem
-from services.codesign.program import Program, load_program
+from services.codesign.program import Program, program_of
 from services.codesign.solution import NOT_ATTEMPTED, Attempt, Solution, Start
-from services.codesign.solver import IterationReport, Progress, SolverOptions
+from services.codesign.solver import IterationReport, Outcome, Progress, SolverOptions
+from services.codesign.tie_break import break_tie
 
 __all__ = [
     "Attempt",
@@ -69,9 +72,11 @@ def solve(
         return _not_attempted(problem, obstacle)
     if not problem.objective.is_resolved:
         return _solve_with_references(problem, start, options, progress)
-    program = load_program(problem.robot, problem.layout, problem.transcription.intervals)
+    program = program_of(problem)
     instance = build_instance(problem, program)
     result = climb(problem, program, instance, start, options=options, progress=progress)
+    if result.outcome.success and problem.design is None:
+        result = break_tie(problem, program, instance, result, options=options, progress=progress)
     solution = solution_of(problem, program, instance, result)
     if solution.success:
         return solution
@@ -96,7 +101,7 @@ def references(
     the same references. None when the task cannot be solved for time.
     """
     objective = Objective("time", final_time_bounds=problem.objective.final_time_bounds)
-    fastest = solve(replace(problem, objective=objective, design=None), None, options, progress)
+    fastest = solve(replace(problem, objective=objective, design=None, tie_break=None), None, options, progress)
     if fastest.measures is None:
         return None, fastest
     return References(fastest.measures.final_time, fastest.measures.effort), fastest
@@ -155,15 +160,37 @@ def solution_of(problem: Problem, program: Program, instance: Instance, result: 
     )
     if not outcome.success:
         return solution
-    scaled, _, _ = program.split(outcome.x)
+    problem, x, lam_x = _with_its_gears(problem, program, outcome)
+    scaled, _, _ = program.split(x)
     design = scaled * scales_of(problem).design if problem.design is None else problem.design
-    motion = read_motion(problem, program, outcome.x)
+    motion = read_motion(problem, program, x)
     measures = measure(problem, design, motion)
     time_weight, effort_weight = objective_weights(problem)
     added_up = measures.electrical_energy if problem.objective.kind == "electrical_energy" else measures.effort
     scaled_objective = time_weight * measures.final_time + effort_weight * added_up
     objective = scaled_objective / objective_scale(problem)
-    return replace(solution, design=design, motion=motion, measures=measures, objective=objective)
+    return replace(
+        solution,
+        problem=problem,
+        design=design,
+        motion=motion,
+        measures=measures,
+        objective=objective,
+        x=x,
+        lam_x=lam_x,
+    )
+
+
+def _with_its_gears(problem: Problem, program: Program, outcome: Outcome) -> tuple[Problem, np.ndarray, np.ndarray]:
+    """Problem, x and lam_x with the gear ratios found as the robot's: all of them over the robot's are 1.
+
+    Nothing else of the point changes, for the program's scales follow the gears (`interval.geared`).
+    """
+    gears = slice(program.lengths, program.design_size)
+    x, lam_x = outcome.x.copy(), outcome.lam_x.copy()
+    lam_x[gears] *= x[gears]
+    x[gears] = 1.0
+    return with_gears_of(problem, program, outcome.x), x, lam_x
 
 
 def _not_attempted(problem: Problem, reason: str) -> Solution:

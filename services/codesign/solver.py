@@ -27,8 +27,9 @@ from services.codesign.program import Program
 from services.codesign.shared_elimination import shared_elimination
 from services.codesign.shared_program import SharedProgram
 from services.codesign.staged_ldl import StagedLDL, load_staged_ldl
+from services.codesign.tie_break_program import TieBreakProgram, tie_break_elimination
 
-AnyProgram = Program | SharedProgram | ElasticProgram
+AnyProgram = Program | SharedProgram | ElasticProgram | TieBreakProgram
 
 SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level", "Feasible_Point_Found")
 """Statuses of IPOPT that come with an answer."""
@@ -207,7 +208,7 @@ def _run_with(
     solver = _solver(program, options, warm, staged)
     solver.monitor.begin(*watch)
     if staged is not None and not isinstance(program, ElasticProgram):
-        staged.hand_over(_order(program, instance), options.threads if isinstance(program, SharedProgram) else 1)
+        staged.hand_over(_order(program, instance), options.threads if _of_all_tasks(program) else 1)
     began = time.perf_counter()
     with _interrupts_kept(solver.monitor):
         result = solver.function(**_arguments(instance, start))
@@ -227,9 +228,17 @@ def _run_with(
     )
 
 
-def _order(program: Program | SharedProgram, instance: Instance) -> Elimination:
+def _of_all_tasks(program: AnyProgram) -> bool:
+    """Whether it is the program of all tasks, or its tie-break's."""
+    return isinstance(program.base if isinstance(program, TieBreakProgram) else program, SharedProgram)
+
+
+def _order(program: AnyProgram, instance: Instance) -> Elimination:
     if isinstance(program, SharedProgram):
         return shared_elimination(program, instance)
+    if isinstance(program, TieBreakProgram):
+        return tie_break_elimination(program, instance)
+    assert isinstance(program, Program), "an elastic program is left to MUMPS"
     return elimination(program, instance)
 
 
@@ -288,7 +297,7 @@ def _casadi_options(
         "sb": "yes",
         **({"mumps_pivot_order": METIS} if staged is None else staged.ipopt_options),
     }
-    if isinstance(program, SharedProgram):
+    if _of_all_tasks(program):
         ipopt |= SHARED_BARRIER
     if warm:
         ipopt |= {

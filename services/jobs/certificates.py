@@ -16,7 +16,9 @@ from services.codesign.replay import Energies
 from services.jobs.resolved import ResolvedApplication
 
 
-def input_hash(application: ResolvedApplication, task: int, design: np.ndarray | None) -> str:
+def input_hash(
+    application: ResolvedApplication, task: int, design: np.ndarray | None, gear_ratio: np.ndarray | None = None
+) -> str:
     """SHA-256 of all that a motion depends on, in JSON with sorted keys and no spaces.
 
     Parameters
@@ -25,6 +27,8 @@ def input_hash(application: ResolvedApplication, task: int, design: np.ndarray |
         Index of the task.
     design
         The design given, shape (n, 7) [m]; None when the task's own is sought.
+    gear_ratio
+        The design's, shape (n,), where gear ratios are free.
     """
     inputs = application.model_dump(mode="json", include={"robot", "objective", "motor", "transcription"})
     del inputs["objective"]["over_tasks"]  # it shapes designs, and a motion with a given design does not depend on it
@@ -32,6 +36,10 @@ def input_hash(application: ResolvedApplication, task: int, design: np.ndarray |
         "task": application.tasks[task].model_dump(mode="json"),
         "design_m": None if design is None else design.tolist(),
     }
+    if design is None and (freedom := application.design.model_dump(mode="json", exclude_defaults=True)):
+        inputs["design"] = freedom
+    if gear_ratio is not None:
+        inputs["gear_ratio"] = gear_ratio.tolist()
     return hashlib.sha256(json.dumps(inputs, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 

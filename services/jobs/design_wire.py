@@ -12,9 +12,14 @@ from services.codesign.motor_data import MotorData
 MILLIMETRE = 1e-3
 
 
-def design_wire(design: np.ndarray, motor: MotorData) -> dict[str, Any]:
-    """Shape (n, 7) in m -> ``{design_mm, motors}``."""
-    return {"design_mm": design_mm(design)} | design_sheet(design, motor)
+def design_wire(design: np.ndarray, motor: MotorData, gear_ratio: np.ndarray | None = None) -> dict[str, Any]:
+    """Shape (n, 7) in m -> ``{design_mm, motors}``; with gear ratios that were free, shape (n,), those as well."""
+    return {"design_mm": design_mm(design)} | gears_wire(gear_ratio) | design_sheet(design, motor, gear_ratio)
+
+
+def gears_wire(gear_ratio: np.ndarray | None) -> dict[str, list[float]]:
+    """``{gear_ratio}`` of a design, shape (n,), where the ratios were free."""
+    return {} if gear_ratio is None else {"gear_ratio": gear_ratio.tolist()}
 
 
 def design_mm(design: np.ndarray) -> list[list[float]]:

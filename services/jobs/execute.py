@@ -21,10 +21,12 @@ from services.codesign.solver import STOPPED, IterationReport, Progress
 from services.codesign.starts import StartRun, ends, solve_from_starts
 from services.jobs.arrays import pack
 from services.jobs.certificates import certificate_wire, energies_wire, finite, input_hash, missed, refinement_wire
-from services.jobs.design_wire import design_mm, design_wire
+from services.jobs.design_wire import design_mm, design_wire, gears_wire
 from services.jobs.find_shared_optimum import find_shared_optimum
 from services.jobs.finish import Outcome
 from services.jobs.limit_costs import limits_wire
+from services.jobs.resolved import CATALOGUE
+from services.jobs.snap_design import snapped_designs
 from services.jobs.work import Work
 from shared.domain import JobState, Stage
 
@@ -43,7 +45,7 @@ def execute(
         return _reconcile(work)
     if work.spec.stage == Stage.SHARED_OPTIMUM:
         return find_shared_optimum(work, options, progress, search_stopped)
-    problem = work.application.build_problem(work.spec.task_index, work.design)
+    problem = work.application.build_problem(work.spec.task_index, work.design, work.gear_ratio)
     if work.references is not None:
         problem = with_references(problem, work.references)
     log: deque[tuple[int, int, float]] = deque(maxlen=MOST_LOG_LINES)
@@ -122,7 +124,8 @@ def _solved(work: Work, solution: Solution, certificates: Sequence[Certificate],
         summary |= energies_wire(certificate.energies)
     if certificate.load is not None:
         summary |= _load(certificate.load)
-    summary["certificate"] = wire | {"input_hash": input_hash(work.application, work.spec.task_index, work.design)}
+    inputs = input_hash(work.application, work.spec.task_index, work.design, work.gear_ratio)
+    summary["certificate"] = wire | {"input_hash": inputs}
     objective = solution.problem.objective
     if objective.kind == "weighted":
         summary["references"] = {"time_s": objective.time_reference, "energy_V2s": objective.effort_reference}
@@ -130,6 +133,8 @@ def _solved(work: Work, solution: Solution, certificates: Sequence[Certificate],
     slopes = limit_slopes(solution.problem, solution.lam_x, solution.lam_g)
     summary["limits"] = limits_wire(binding(slopes, solution.objective))
     summary["design_mm"] = design_mm(solution.design)
+    if work.application.freedom.gears:
+        summary |= gears_wire(solution.problem.robot.gear_ratio)
     return Outcome(JobState.SUCCEEDED, None, solution.objective, summary, pack(solution, certificate.law))
 
 
@@ -179,13 +184,16 @@ def _reconcile(work: Work) -> Outcome:
             solved = sorted(work.own_designs)
             weights = [application.tasks[k].weight for k in solved]
             mean = mean_design([work.own_designs[k] for k in solved], weights)
+            gears = mean_design([work.own_gears[k] for k in solved], weights) if work.own_gears else None
             projection = project_design(mean, motor)
-            designs["mean"] = {"design_mm": design_mm(mean), "tasks": solved}
+            designs["mean"] = {"design_mm": design_mm(mean), "tasks": solved} | gears_wire(gears)
             if projection.feasible:
                 distance = {"distance": projection.distance, "solver_status": projection.status}
-                designs[method] = design_wire(projection.design, motor) | distance
+                designs[method] = design_wire(projection.design, motor, gears) | distance
+                if CATALOGUE in application.base_methods:
+                    designs |= snapped_designs(application, method, projection.design, gears)
         elif (task := application.design_task(method)) in work.own_designs:
-            designs[method] = design_wire(work.own_designs[task], motor) | {"task": task}
+            designs[method] = design_wire(work.own_designs[task], motor, work.own_gears.get(task)) | {"task": task}
     missing = [method for method in application.base_methods if method not in designs]
     reason = f"no design for {', '.join(missing)}" if missing else None
     state = JobState.FAILED if application.method in missing or not designs else JobState.SUCCEEDED

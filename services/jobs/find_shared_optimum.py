@@ -22,6 +22,7 @@ from services.jobs.design_wire import design_wire
 from services.jobs.finish import Outcome
 from services.jobs.limit_costs import limits_wire
 from services.jobs.resolved import SHARED
+from services.jobs.snap_design import snapped_designs
 from services.jobs.work import SharedInputs, Work
 from shared.domain import JobState
 
@@ -57,10 +58,12 @@ def find_shared_optimum(
     stopped = found.status == STOPPED
     if stopped and not search_stopped():
         return Outcome(JobState.CANCELLED, summary=_how(found))
-    better = _better_design(work, inputs, found, lambda design: _total(work, problems, design, options, progress))
+    better = _better_design(work, inputs, found, lambda *design: _total(work, problems, design, options, progress))
+    design, gear_ratio = (inputs.start.design, inputs.gear_ratio) if better is None else (better, found.gear_ratio)
     at_optimum = better is not None and found.success
     decide = found.deciding if at_optimum else ()
-    content = design_wire(inputs.start.design if better is None else better, motor) | {
+    gears = gear_ratio if work.application.freedom.gears else None
+    content = design_wire(design, motor, gears) | {
         "start": inputs.method,
         "stopped": stopped,
         **_how(found),
@@ -76,16 +79,17 @@ def find_shared_optimum(
     }
     kept = f"not improved upon ({found.status}): the design of {inputs.method} stays" if better is None else None
     log = [(0, iteration, objective) for iteration, objective in found.convergence]
-    return Outcome(JobState.SUCCEEDED, kept, summary=_how(found), log=log, designs={SHARED: content})
+    designs = {SHARED: content} | snapped_designs(work.application, SHARED, design, gears)
+    return Outcome(JobState.SUCCEEDED, kept, summary=_how(found), log=log, designs=designs)
 
 
 def _problem(work: Work, inputs: SharedInputs, task: int) -> Problem:
-    problem = work.application.build_problem(task)
+    problem = work.application.build_problem(task, gear_ratio=inputs.gear_ratio)
     return with_references(problem, inputs.references[task]) if task in inputs.references else problem
 
 
 def _better_design(
-    work: Work, inputs: SharedInputs, found: SharedOptimum, total: Callable[[np.ndarray], float]
+    work: Work, inputs: SharedInputs, found: SharedOptimum, total: Callable[[np.ndarray, np.ndarray | None], float]
 ) -> np.ndarray | None:
     """The design that the search came to, if it is better than the one it started from.
 
@@ -93,20 +97,29 @@ def _better_design(
     lie on finer grids, where a minimum time is up to one percent shorter, so the start is judged once more. An iterate
     is no motion yet, and its design may break the motors' limits a little: it is made feasible, and judged as well.
     """
-    to_beat = inputs.total if work.application.accuracy is None else total(inputs.start.design)
+    to_beat = inputs.total if work.application.accuracy is None else total(inputs.start.design, inputs.gear_ratio)
     if not found.objective < to_beat:
         return None
     if found.success:
         return found.design
     projection = project_design(found.reached, work.application.build_motor())
-    return projection.design if projection.feasible and total(projection.design) < to_beat else None
+    better = projection.feasible and total(projection.design, found.gear_ratio) < to_beat
+    return projection.design if better else None
 
 
 def _total(
-    work: Work, problems: Mapping[int, Problem], design: np.ndarray, options: SolverOptions, progress: Progress
+    work: Work,
+    problems: Mapping[int, Problem],
+    design: tuple[np.ndarray, np.ndarray | None],
+    options: SolverOptions,
+    progress: Progress,
 ) -> float:
-    """What a design is judged by, every task solved with it; infinite when one cannot be."""
-    solved = {k: solve(replace(problem, design=design), None, options, progress) for k, problem in problems.items()}
+    """What a design with its gear ratios is judged by, every task solved with it; infinite when one cannot be."""
+    lengths, gear_ratio = design
+    solved = {}
+    for k, problem in problems.items():
+        robot = problem.robot if gear_ratio is None else problem.robot.with_gears(gear_ratio)
+        solved[k] = solve(replace(problem, design=lengths, robot=robot), None, options, progress)
     return work.application.over_tasks({k: math.inf if s.objective is None else s.objective for k, s in solved.items()})
 
 

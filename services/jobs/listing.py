@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 
 from services.codesign.comparison import OWN
 from services.jobs.owners import Owner, owned_by
-from services.jobs.resolved import SHARED
+from services.jobs.resolved import late_methods
 from services.jobs.views import UNITS, iso_time
 from shared.contracts import results as wire
 from shared.db.engine import reading
@@ -120,8 +120,9 @@ def _total(row: Row[Any], figures: _Figures, tasks: int) -> int:
     counted = figures.by_stage
     if ApplicationState(row.state).final:
         return counted.total()
-    motions = counted[Stage.MOTIONS] or tasks * len([method for method in row.methods if method != SHARED])
-    shared = (1 + (counted[Stage.SHARED_MOTIONS] or tasks)) * (SHARED in row.methods)
+    late = late_methods(row.methods)
+    motions = counted[Stage.MOTIONS] or tasks * (len(row.methods) - len(late))
+    shared = (1 + (counted[Stage.SHARED_MOTIONS] or tasks * len(late))) * bool(late)
     return tasks + (counted[Stage.RECONCILE] or 1) + motions + shared
 
 

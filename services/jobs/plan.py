@@ -72,7 +72,7 @@ def _after_codesign(_application: ResolvedApplication, progress: Progress) -> Ne
 
 def _after_reconcile(application: ResolvedApplication, progress: Progress) -> NextStage | Done:
     """Motions of the tasks that can be solved at all; a task without a co-design is left out, and said to be."""
-    if application.method not in progress.designs and application.method != SHARED:
+    if application.method not in progress.designs and application.method not in application.late_methods:
         return Done(ApplicationState.FAILED, f"method {application.method} gave no design")
     methods = [method for method in application.base_methods if method in progress.designs]
     jobs = (JobSpec(Stage.MOTIONS, method, task) for method in methods for task in progress.solved_tasks)
@@ -89,7 +89,8 @@ def _after_motions(application: ResolvedApplication, progress: Progress) -> Next
 def _after_shared_optimum(application: ResolvedApplication, progress: Progress) -> NextStage | Done:
     if SHARED not in progress.designs:
         return _end(application, progress)
-    jobs = (JobSpec(Stage.SHARED_MOTIONS, SHARED, task) for task in progress.solved_tasks)
+    methods = [method for method in application.late_methods if method in progress.designs]
+    jobs = (JobSpec(Stage.SHARED_MOTIONS, method, task) for method in methods for task in progress.solved_tasks)
     return NextStage(Stage.SHARED_MOTIONS, tuple(jobs))
 
 
@@ -107,7 +108,7 @@ def planned_jobs(application: ResolvedApplication) -> dict[Stage, int]:
     n = len(application.tasks)
     stages = {Stage.CODESIGN: n, Stage.RECONCILE: 1, Stage.MOTIONS: n * len(application.base_methods)}
     if SHARED in application.methods:
-        stages |= {Stage.SHARED_OPTIMUM: 1, Stage.SHARED_MOTIONS: n}
+        stages |= {Stage.SHARED_OPTIMUM: 1, Stage.SHARED_MOTIONS: n * len(application.late_methods)}
     return stages
 
 

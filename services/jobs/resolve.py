@@ -9,13 +9,16 @@ from typing import Any
 import numpy as np
 
 from services.codesign.feasible_motor import motor_obstacle
-from services.codesign.motor_data import MotorData, MotorDataError
+from services.codesign.freedom import FreedomError
+from services.codesign.motor_data import DIMENSIONS, MotorData, MotorDataError
 from services.codesign.robot import Robot, preset_names, preset_wire
+from services.codesign.robot_scaling import scaled_arm
 from services.jobs.inline_robot import inline_robot, read_robot
-from services.jobs.resolved import SHARED, ResolvedApplication, ResolvedTask
+from services.jobs.resolved import CATALOGUE, SHARED, ResolvedApplication, ResolvedTask, freedom_of
 from services.jobs.scatter import samples_of
 from shared.contracts.application import (
     ApplicationRequest,
+    DesignRequest,
     GridRequest,
     MethodName,
     MotorRequest,
@@ -23,6 +26,7 @@ from shared.contracts.application import (
     RobotChangesRequest,
     ScatterRequest,
     TaskRequest,
+    TieBreakRequest,
 )
 from shared.contracts.errors import FieldError, InvalidInputError
 
@@ -53,6 +57,10 @@ def resolve(request: ApplicationRequest, find_robot: RobotLookup, max_tasks: int
     errors = list(_objective_errors(request.objective))
     errors += [error for field, task in located for error in _task_errors(field, task, robot)]
     errors += _duplicate_names(located)
+    errors += _freedom_errors(request.design, located, robot)
+    errors += _tie_break_errors(request.design.tie_break, robot)
+    if CATALOGUE in request.methods and request.design.catalogue is None:
+        errors.append(FieldError("design.catalogue", None, "method catalogue needs motors or steps to choose from"))
     given = [task.name for _, task in located]
     if request.scatter is not None and not errors:
         located = list(_scattered(located, request.scatter, robot))
@@ -73,6 +81,7 @@ def resolve(request: ApplicationRequest, find_robot: RobotLookup, max_tasks: int
         scatter=request.scatter,
         given_tasks=[] if request.scatter is None else given,
         motor=request.motor,
+        design=request.design,
         transcription=request.transcription.filled_in(),
         starts=request.starts,
         methods=_methods(request),
@@ -97,18 +106,26 @@ def _robot(given: str | dict[str, Any], find_robot: RobotLookup) -> tuple[dict[s
 
 
 def _changed(wire: dict[str, Any], robot: Robot, changes: RobotChangesRequest) -> tuple[dict[str, Any], Robot]:
-    """With other gears; the joints' speed limits follow from the rotors' (`Robot.joint_speed_limit`)."""
-    if changes.gear_ratio is None:
-        return wire, robot
-    ratios = changes.gear_ratio * robot.joints if len(changes.gear_ratio) == 1 else changes.gear_ratio
-    field = "robot_changes.gear_ratio"
-    if len(ratios) != robot.joints:
-        limit = f"one number, or one for each of the robot's {robot.joints} joints"
-        raise InvalidInputError([FieldError(field, str(changes.gear_ratio), limit)])
-    if 0 in ratios:
-        raise InvalidInputError([FieldError(field, str(changes.gear_ratio), "must not be 0")])
-    changed = wire | {"gear_ratio": ratios}
-    return changed, read_robot(changed, "robot")
+    """With other gears and links; the joints' speed limits follow from the rotors' (`Robot.joint_speed_limit`)."""
+    changed = wire
+    if (ratios := _each(changes.gear_ratio, "gear_ratio", robot.joints)) is not None:
+        if 0 in ratios:
+            raise InvalidInputError([FieldError("robot_changes.gear_ratio", str(changes.gear_ratio), "must not be 0")])
+        changed = changed | {"gear_ratio": ratios}
+    masses = _each(changes.link_mass_scale, "link_mass_scale", robot.joints)
+    if masses is not None or changes.link_length_scale is not None:
+        changed = scaled_arm(changed, changes.link_length_scale or 1.0, masses or [1.0] * robot.joints)
+    return changed, robot if changed is wire else read_robot(changed, "robot")
+
+
+def _each(given: list[float] | None, name: str, joints: int) -> list[float] | None:
+    """One value for each joint, where one is given for all."""
+    if given is None or len(given) == joints:
+        return given
+    if len(given) != 1:
+        limit = f"one number, or one for each of the robot's {joints} joints"
+        raise InvalidInputError([FieldError(f"robot_changes.{name}", str(given), limit)])
+    return given * joints
 
 
 def _motor(request: MotorRequest) -> MotorData:
@@ -122,6 +139,33 @@ def _motor_feasible(motor: MotorData) -> list[FieldError]:
     with _NUMERICS:
         obstacle = motor_obstacle(motor)
     return [] if obstacle is None else [FieldError("motor", None, obstacle)]
+
+
+def _freedom_errors(design: DesignRequest, located: list[Located], robot: Robot) -> Iterator[FieldError]:
+    try:
+        freedom = freedom_of(design, robot.joints)
+        freedom.check(robot)
+    except FreedomError as error:
+        yield FieldError(f"design.{error.field}", str(error.value), error.limit)
+        return
+    for field, task in located:
+        for name, speeds in (("start_speed_rad_s", task.start_speed_rad_s), ("end_speed_rad_s", task.end_speed_rad_s)):
+            for k in freedom.free_gears:
+                if speeds is not None and k < len(speeds) and speeds[k] != 0:
+                    limit = f"0 rad/s: the gear ratio of joint {k + 1} is free"
+                    yield FieldError(f"{field}.{name}[{k}]", speeds[k], limit)
+
+
+def _tie_break_errors(tie_break: TieBreakRequest | None, robot: Robot) -> Iterator[FieldError]:
+    if tie_break is None:
+        return
+    field, given = "design.tie_break.nearest_to_mm", tie_break.nearest_to_mm
+    if (tie_break.by == "nearest") != (given is not None):
+        yield FieldError(field, None if given is None else str(given), f"belongs to nearest; by is {tie_break.by}")
+    elif given is not None and (
+        [len(row) for row in given] != [len(DIMENSIONS)] * robot.joints or not all(v > 0 for row in given for v in row)
+    ):
+        yield FieldError(field, str(given), f"{robot.joints} rows of {len(DIMENSIONS)} lengths above 0 mm")
 
 
 def _tasks(request: ApplicationRequest, robot: Robot, max_tasks: int) -> Iterator[Located]:
@@ -234,9 +278,12 @@ def _durations(request: ApplicationRequest, located: list[Located]) -> Iterator[
 
 
 def _methods(request: ApplicationRequest) -> list[MethodName]:
-    """The shared optimum starts from the two-step design, so that is always compared with it."""
+    """With a catalogue its method is compared; the others start from the two-step design, so that is too."""
     methods = request.methods
-    return [*methods, "two_step"] if SHARED in methods and "two_step" not in methods else methods
+    if request.design.catalogue is not None and CATALOGUE not in methods:
+        methods = [*methods, CATALOGUE]
+    needs_two_step = SHARED in methods or CATALOGUE in methods
+    return [*methods, "two_step"] if needs_two_step and "two_step" not in methods else methods
 
 
 def _chosen_tasks(

@@ -10,22 +10,35 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from services.codesign.accuracy import FIRST
+from services.codesign.catalogue import Catalogue, CatalogueMotor
 from services.codesign.comparison import over_tasks
-from services.codesign.motor_data import MotorData
+from services.codesign.freedom import Freedom, FreedomError, FreeGear, TieBreak
+from services.codesign.motor_data import DIMENSIONS, MotorData
 from services.codesign.problem import Accuracy, Objective, Problem, Task, Transcription
 from services.codesign.robot import Robot
+from services.jobs.design_wire import MILLIMETRE, design_array
 from shared.contracts.application import (
+    ALL_JOINTS,
+    DesignRequest,
     GridRequest,
+    Length,
     MethodName,
     MotorRequest,
     ObjectiveRequest,
     ScatterRequest,
     Strict,
     TaskRequest,
+    TieBreakRequest,
     TranscriptionRequest,
 )
 
 SHARED: MethodName = "shared_optimum"
+CATALOGUE: MethodName = "catalogue"
+
+
+def late_methods(methods: Sequence[MethodName]) -> list[MethodName]:
+    """Methods whose design comes after the motions of the others: the shared optimum, and what is snapped from it."""
+    return [method for method in methods if method in (SHARED, CATALOGUE)] if SHARED in methods else []
 
 
 class ResolvedTask(TaskRequest):
@@ -45,6 +58,7 @@ class ResolvedApplication(Strict):
     grid: GridRequest | None = None
     """Set when the tasks came as a grid (stroke major), for heat maps."""
     motor: MotorRequest
+    design: DesignRequest = DesignRequest()
     transcription: TranscriptionRequest
     """Filled in: an accuracy, or a transcription as it is."""
     starts: int = 1
@@ -66,7 +80,23 @@ class ResolvedApplication(Strict):
     @property
     def base_methods(self) -> list[MethodName]:
         """Methods whose design comes from the tasks' own designs alone."""
-        return [method for method in self.methods if method != SHARED]
+        return [method for method in self.methods if method not in self.late_methods]
+
+    @property
+    def late_methods(self) -> list[MethodName]:
+        """The others, of which the shared optimum is one."""
+        return late_methods(self.methods)
+
+    @property
+    def catalogue(self) -> Catalogue | None:
+        """Sizes that can be had."""
+        asked = self.design.catalogue
+        if asked is None:
+            return None
+        return Catalogue(
+            motors=tuple(CatalogueMotor(entry.name, _lengths(entry.dimensions_mm)) for entry in asked.motors),
+            steps={str(name): step * MILLIMETRE for name, step in asked.steps_mm.items()},
+        )
 
     def design_task(self, method: MethodName) -> int | None:
         """The task whose own design a method takes; None for methods that use all tasks."""
@@ -102,6 +132,7 @@ class ResolvedApplication(Strict):
             "objective": self.objective.model_dump(mode="json", exclude_none=True),
             "tasks": tasks,
             "motor": self.motor.to_wire(),
+            "design": self.design.model_dump(mode="json", exclude_defaults=True) or None,
             "transcription": self.transcription.model_dump(mode="json", exclude_none=True),
             "starts": self.starts,
             "method": self.method,
@@ -121,24 +152,80 @@ class ResolvedApplication(Strict):
         return MotorData.from_wire(self.motor.to_wire())
 
     @property
+    def freedom(self) -> Freedom:
+        """What a design may choose beside lengths."""
+        return freedom_of(self.design, self.build_robot().joints)
+
+    @property
     def accuracy(self) -> Accuracy | None:
         """The accuracy that was asked for; None for a transcription as it is."""
         asked = self.transcription.accuracy
         return None if asked is None else Accuracy(asked.position_rad, asked.speed_rad_s, asked.limit)
 
-    def build_problem(self, task_index: int, design: np.ndarray | None = None) -> Problem:
+    def build_problem(
+        self, task_index: int, design: np.ndarray | None = None, gear_ratio: np.ndarray | None = None
+    ) -> Problem:
         """The optimal control problem of one task, with `design` of shape (n, 7) [m] fixed when it is given.
 
         Where an accuracy was asked for, the transcription is the one that is tried first.
+
+        Parameters
+        ----------
+        gear_ratio
+            Shape (n,): those of the design that is given, or where the search for free ones begins; the robot's own,
+            or what of the bounds is nearest to them, when None.
         """
+        robot = self.build_robot()
         return Problem(
-            robot=self.build_robot(),
+            robot=robot.with_gears(self.freedom.admitted(robot.gear_ratio) if gear_ratio is None else gear_ratio),
             task=_task(self.tasks[task_index]),
             motor=self.build_motor(),
             objective=_objective(self.objective),
             transcription=FIRST if self.accuracy is not None else Transcription(**self.transcription.as_it_is),
             design=design,
+            freedom=self.freedom,
+            tie_break=_tie_break(self.design.tie_break),
         )
+
+
+def freedom_of(request: DesignRequest, joints: int) -> Freedom:
+    """What a request leaves to the design of an arm.
+
+    Raises
+    ------
+    FreedomError
+        For a joint that is no number, or bounds that are not two.
+    """
+    ratios = request.gear_ratios
+    if ALL_JOINTS in ratios:
+        ratios = {str(k + 1): ratios[ALL_JOINTS] for k in range(joints)} | ratios
+    gears = [_free_gear(joint, bounds) for joint, bounds in ratios.items() if joint != ALL_JOINTS]
+    return Freedom(
+        gears=tuple(sorted(gears, key=lambda gear: gear.joint)),
+        identical=tuple(tuple(joint - 1 for joint in group) for group in request.identical),
+    )
+
+
+def _tie_break(request: TieBreakRequest | None) -> TieBreak | None:
+    if request is None:
+        return None
+    nearest_to = request.nearest_to_mm
+    return TieBreak(request.tolerance, None if nearest_to is None else design_array(nearest_to))
+
+
+def _lengths(dimensions_mm: Mapping[Length, float]) -> np.ndarray:
+    """Shape (7,), m."""
+    by_name = {str(name): millimetres for name, millimetres in dimensions_mm.items()}
+    lengths: np.ndarray = design_array([[by_name[name] for name in DIMENSIONS]])[0]
+    return lengths
+
+
+def _free_gear(joint: str, bounds: list[float]) -> FreeGear:
+    if not (joint.isascii() and joint.isdigit()):
+        raise FreedomError("gear_ratios", joint, f"must be a joint's number, from 1, or {ALL_JOINTS}")
+    if len(bounds) != 2:
+        raise FreedomError(f"gear_ratios.{joint}", bounds, "must be [low, high]")
+    return FreeGear(int(joint) - 1, *bounds)
 
 
 def _task(task: ResolvedTask) -> Task:

@@ -43,6 +43,7 @@ def design(engine: Engine, application_id: str, method: str | None = None) -> wi
         method=name,
         motors=stored.content["motors"],
         design_mm=stored.content["design_mm"],
+        gear_ratio=stored.content.get("gear_ratio"),
     )
 
 
@@ -61,7 +62,12 @@ def designs(engine: Engine, application_id: str) -> wire.DesignsAnswer:
     return wire.DesignsAnswer(
         dimensions=list(DIMENSIONS),
         tasks=[
-            wire.OwnDesign(index=r.task_index, name=resolved.tasks[r.task_index].name, design_mm=r.summary["design_mm"])
+            wire.OwnDesign(
+                index=r.task_index,
+                name=resolved.tasks[r.task_index].name,
+                design_mm=r.summary["design_mm"],
+                gear_ratio=r.summary.get("gear_ratio"),
+            )
             for r in own
             if "design_mm" in r.summary
         ],
@@ -245,6 +251,7 @@ def trajectory(engine: Engine, application_id: str, task: int, method: str | Non
         voltage_q_V=motion.voltage_q.tolist(),
         control=_control(unpack_law(found.arrays)),
         design_mm=design_mm(design),
+        gear_ratio=found.summary.get("gear_ratio"),
         scheme=found.summary["certificate"]["scheme"],
         degree=found.summary["certificate"]["degree"],
     )

@@ -10,7 +10,7 @@ from sqlalchemy import Engine, delete, false, select, true, update
 from sqlalchemy.orm import Session
 
 from services.jobs.plan import JobSpec, NextStage
-from services.jobs.resolved import SHARED
+from services.jobs.resolved import late_methods
 from services.jobs.store import lock_application, open_stage
 from shared.db.engine import transaction
 from shared.db.tables import Application, Design, Job, Result, Stage
@@ -73,7 +73,7 @@ def _new_generation(session: Session, application: Application, staying: list[Jo
     ids = [job.id for job in staying]
     earlier = ORDER[: ORDER.index(retried)]
     of_application = {"application_id": application.id, "generation": old}
-    not_shared = Design.kind != SHARED
+    early = Design.kind.not_in(late_methods(application.resolved["methods"]))
     for table, chosen in (
         (Job, Job.id.in_(ids)),
         (Result, Result.job_id.in_(ids)),
@@ -85,7 +85,7 @@ def _new_generation(session: Session, application: Application, staying: list[Jo
             .values(generation=new)
             .execution_options(synchronize_session=False)
         )
-    kept = {StageName.SHARED_MOTIONS: true(), StageName.MOTIONS: not_shared, StageName.SHARED_OPTIMUM: not_shared}
+    kept = {StageName.SHARED_MOTIONS: true(), StageName.MOTIONS: early, StageName.SHARED_OPTIMUM: early}
     session.execute(delete(Design).filter_by(**of_application).where(~kept.get(retried, false())))
     session.execute(update(Design).filter_by(**of_application).values(generation=new))
     application.generation = new

@@ -125,9 +125,9 @@ def _task(
 ) -> wire.TaskResult:
     asked = resolved.tasks[index]
     own = summaries.get((index, Stage.CODESIGN, ""), {})
+    late = dict.fromkeys(resolved.late_methods, Stage.SHARED_MOTIONS)
     motions = {
-        method: summaries.get((index, Stage.SHARED_MOTIONS if method == SHARED else Stage.MOTIONS, method), {})
-        for method in resolved.methods
+        method: summaries.get((index, late.get(method, Stage.MOTIONS), method), {}) for method in resolved.methods
     }
     reasons = [job.reason for job in sorted(jobs, key=lambda job: str(job.stage)) if job.reason]
     return wire.TaskResult(

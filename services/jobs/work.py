@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from sqlalchemy import Engine, select
@@ -32,6 +33,7 @@ class SharedInputs:
     method: str  # whose design is the best
     total: float  # what it is judged by (`comparison.over_tasks`), infinite unless it can do every task
     start: SharedStart
+    gear_ratio: np.ndarray | None = None  # (n,), of the best design known, where gear ratios are free
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,9 @@ class Work:
     spec: JobSpec
     application: ResolvedApplication
     own_designs: dict[int, np.ndarray]  # reconcile: each solved task's design, (n, 7) m
+    own_gears: dict[int, np.ndarray] = field(default_factory=dict)  # reconcile, where gear ratios are free: each (n,)
     design: np.ndarray | None = None  # motions: the design given, (n, 7) m
+    gear_ratio: np.ndarray | None = None  # motions: the design's, (n,), where gear ratios are free
     references: References | None = None  # motions of a weighted objective: those of the task's own solve
     shared: SharedInputs | None = None  # shared optimum: the tasks in it, and where it starts
 
@@ -54,13 +58,15 @@ def load_work(engine: Engine, held: Claim) -> Work | None:
             return None
         resolved = ResolvedApplication.model_validate(application.resolved)
         own: dict[int, np.ndarray] = {}
+        gears: dict[int, np.ndarray] = {}
         if held.spec.stage == Stage.RECONCILE:
             results = results_of(session, application, Stage.CODESIGN)
             own = {r.task_index: design_array(r.summary["design_mm"]) for r in results if r.summary.get("design_mm")}
+            gears = {r.task_index: found for r in results if (found := _gears(r.summary)) is not None}
         if held.spec.stage == Stage.SHARED_OPTIMUM:
             return Work(held.spec, resolved, own, shared=_shared_inputs(session, application, resolved))
         if held.spec.stage not in MOTION_STAGES:
-            return Work(held.spec, resolved, own)
+            return Work(held.spec, resolved, own, gears)
         design = session.get_one(Design, (application.id, application.generation, held.spec.method))
         mine = session.scalars(
             select(Result).where(
@@ -74,9 +80,15 @@ def load_work(engine: Engine, held: Claim) -> Work | None:
             held.spec,
             resolved,
             own,
-            design_array(design.content["design_mm"]),
-            _references(mine),
+            design=design_array(design.content["design_mm"]),
+            gear_ratio=_gears(design.content),
+            references=_references(mine),
         )
+
+
+def _gears(stored: dict[str, Any]) -> np.ndarray | None:
+    """Gear ratios of a design, shape (n,), where they were free."""
+    return np.array(stored["gear_ratio"]) if stored.get("gear_ratio") else None
 
 
 def _references(own: Result | None) -> References | None:
@@ -104,6 +116,7 @@ def _shared_inputs(session: Session, application: Application, resolved: Resolve
         method=method,
         total=total if len(solved) == len(tasks) else float("inf"),
         start=SharedStart(design_array(stored.content["design_mm"]), [_motion(solved.get(k, own[k])) for k in tasks]),
+        gear_ratio=_gears(stored.content),
     )
 
 

@@ -64,6 +64,8 @@ def dimension_table(design: DesignAnswer) -> HtmlTable:
         [f"{DIMENSION_NAMES[name]} {name} [mm]", *(f"{row[k]:.3f}" for row in design.design_mm)]
         for k, name in enumerate(DIMENSIONS)
     ]
+    if design.gear_ratio is not None:
+        rows.append(["gear ratio, free", *(number(ratio) for ratio in design.gear_ratio)])
     rows += [
         [_parameter_words(name), *(number(sheet["parameters"][name]) for sheet in design.motors)]
         for name in design.motors[0]["parameters"]

@@ -49,6 +49,7 @@ METHOD_NAMES: Final[Mapping[str, str]] = {
     "empirical": "empirical",
     "worst_case": "worst case",
     "shared_optimum": "shared optimum",
+    "catalogue": "catalogue",
 }
 
 DIMENSION_NAMES: Final[Mapping[str, str]] = {

@@ -14,6 +14,7 @@ METHODS: Final[Mapping[str, str]] = {
     "two_step": "the mean of the tasks' own designs, projected onto the motors that can be built: the paper's",
     "empirical": "one typical task's own design, for all tasks",
     "worst_case": "the hardest task's own design, for all tasks",
+    "catalogue": "the design moved to sizes that can be had: a catalogue's motors, or lengths in steps",
     "shared_optimum": "the best single design for all tasks: all motions and one design in one program",
 }
 

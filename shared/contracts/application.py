@@ -7,7 +7,7 @@ Here a request is checked by itself. What needs the robot (number of joints, joi
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
@@ -98,6 +98,9 @@ class ScatterRequest(Strict):
     seed: int = Field(0, ge=0, lt=2**32)
 
 
+Factor = Annotated[float, Field(gt=0, le=100)]
+
+
 def _one_or_each(value: Any) -> Any:
     """A single number stands for all joints."""
     return [value] if isinstance(value, int | float) and not isinstance(value, bool) else value
@@ -112,6 +115,89 @@ class RobotChangesRequest(Strict):
         max_length=MOST_JOINTS,
         description="rotor turns per joint turn: one number for all joints, or one each; < 0 where it reverses",
     )
+    link_mass_scale: Annotated[list[Factor] | None, BeforeValidator(_one_or_each)] = Field(
+        None,
+        min_length=1,
+        max_length=MOST_JOINTS,
+        description="factor on the links' masses and, with them, inertias: one number for all links, or one each",
+    )
+    link_length_scale: float | None = Field(
+        None, ge=0.1, le=10, description="factor on every distance of the arm; links keep their shape and their mass"
+    )
+
+
+ALL_JOINTS = "all"
+"""In place of a joint's number."""
+
+
+def _keys_as_text(value: Any) -> Any:
+    """Numbers of joints are keys: in YAML numbers, in JSON text."""
+    return {str(key): entry for key, entry in value.items()} if isinstance(value, dict) else value
+
+
+class TieBreakRequest(Strict):
+    """Which of the designs that are as good as a task's own optimum, but for a tolerance, is the task's own.
+
+    Many tasks leave some lengths free, and the mean of designs then averages what a solver came upon.
+    """
+
+    by: Literal["mass", "nearest"] = Field(
+        "mass", description="the lightest motors, or those nearest to a given design"
+    )
+    tolerance: float = Field(1e-4, ge=1e-6, le=0.1, description="share of the objective that may be given up")
+    nearest_to_mm: list[list[float]] | None = Field(
+        None, description="`nearest`: a row of L, R_ro, R_so, h_m, h_sy, w_tooth, b_0 for each joint"
+    )
+
+
+Length = Literal["L", "R_ro", "R_so", "h_m", "h_sy", "w_tooth", "b_0"]
+Millimetres = Annotated[float, Field(gt=0)]
+
+
+class CatalogueMotorRequest(Strict):
+    """A motor that can be had as it is."""
+
+    name: Name
+    dimensions_mm: dict[Length, Millimetres]
+
+    @model_validator(mode="after")
+    def _all_lengths(self) -> Self:
+        if missing := sorted(set(get_args(Length)) - set(self.dimensions_mm)):
+            raise ValueError(f"dimensions_mm must have all seven lengths; missing: {', '.join(missing)}")
+        return self
+
+
+class CatalogueRequest(Strict):
+    """Sizes that can be had: motors as they are, or steps in which lengths come."""
+
+    motors: list[CatalogueMotorRequest] = Field(default_factory=list, max_length=1000)
+    steps_mm: dict[Length, Millimetres] = Field(
+        default_factory=dict, description="in place of motors: lengths come in multiples of these; others as they are"
+    )
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Self:
+        if bool(self.motors) == bool(self.steps_mm):
+            raise ValueError("must have motors, or steps_mm: one of them")
+        return self
+
+
+class DesignRequest(Strict):
+    """What a design may choose beside the motors' lengths, and which joints must have the same motor."""
+
+    gear_ratios: Annotated[dict[str, list[float]], BeforeValidator(_keys_as_text)] = Field(
+        default_factory=dict,
+        description="by joint, 1 ... n, or `all`: [low, high] of a gear ratio that is free; its sign is the robot's",
+    )
+    identical: list[list[int]] = Field(
+        default_factory=list,
+        max_length=MOST_JOINTS,
+        description="groups of joints, 1 ... n, whose motors have the same dimensions: one part to keep in stock",
+    )
+    catalogue: CatalogueRequest | None = Field(
+        None, description="with it, the method `catalogue` is compared: the design moved to sizes that can be had"
+    )
+    tie_break: TieBreakRequest | None = Field(None, description="left out: whichever design the solver comes upon")
 
 
 class MotorRequest(Strict):
@@ -137,7 +223,7 @@ class MotorRequest(Strict):
     copper_resistivity_ohm_m: float | None = Field(None, gt=0)
     current_limit_A: float | None = Field(None, gt=0)
     voltage_limit_V: float | None = Field(None, gt=0)
-    bounds_mm: dict[Literal["L", "R_ro", "R_so", "h_m", "h_sy", "w_tooth", "b_0"], list[float]] = Field(
+    bounds_mm: dict[Length, list[float]] = Field(
         default_factory=dict, description="[low, high] for any of the seven lengths"
     )
 
@@ -235,7 +321,7 @@ TaskChoice = Annotated[
     Annotated[int, Tag("task index")] | Annotated[Name, Tag("task name")],
     _one_of(_choice_form, "a task's index or name"),
 ]
-MethodName = Literal["two_step", "shared_optimum", "empirical", "worst_case"]
+MethodName = Literal["two_step", "shared_optimum", "empirical", "worst_case", "catalogue"]
 
 
 class ApplicationRequest(Strict):
@@ -248,6 +334,7 @@ class ApplicationRequest(Strict):
     tasks: Tasks
     scatter: ScatterRequest | None = Field(None, description="tasks as random samples, for a robust design")
     motor: MotorRequest = MotorRequest()
+    design: DesignRequest = Field(DesignRequest(), description="freedom beyond the paper's: gears; motors alike")
     transcription: TranscriptionRequest = TranscriptionRequest()
     starts: int = Field(1, ge=1, le=MOST_STARTS, description="solves of each motion; the best of its optima is kept")
     method: MethodName = "two_step"

@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from shared.contracts.application import (
+    DesignRequest,
     GridRequest,
     MethodName,
     ObjectiveRequest,
@@ -65,6 +66,7 @@ class Resolved(BaseModel):
     scatter: ScatterRequest | None = Field(None, description="with it, `tasks` are samples of `given_tasks`")
     given_tasks: list[str] = Field([], description="names of the tasks as given, where `tasks` are samples of them")
     motor: dict[str, Any] = Field(description="constants, limits and bounds, in the form of a request")
+    design: DesignRequest = DesignRequest()
     transcription: TranscriptionRequest
     starts: int = Field(1, description="solves of each motion, of which the best is kept")
     methods: list[MethodName]

@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field
 
 from shared.contracts.application import GridRequest, MethodName, ObjectiveRequest
 
-Source = Literal["own", "two_step", "shared_optimum", "empirical", "worst_case"]
+Source = Literal["own", "two_step", "shared_optimum", "empirical", "worst_case", "catalogue"]
 """Where a motion comes from: the task's own co-design, or a method's design."""
 
 
@@ -269,6 +269,7 @@ class MotionResult(BaseModel):
     certificate: Certificate
     limits: list[Limit] = Field([], description="those that hold the objective back; with free motors, theirs too")
     design_mm: list[list[float]] = Field(description="one row a motor: L, R_ro, R_so, h_m, h_sy, w_tooth, b_0")
+    gear_ratio: list[float] | None = Field(None, description="rotor turns per joint turn, where the ratios were free")
     solver_status: str
     iterations: int = Field(description="of all attempts, starts and refinements")
     solve_time_s: float
@@ -305,6 +306,7 @@ class DesignAnswer(BaseModel):
     method: str
     motors: list[dict[str, Any]]
     design_mm: list[list[float]]
+    gear_ratio: list[float] | None = Field(None, description="rotor turns per joint turn, where the ratios were free")
 
 
 class OwnDesign(BaseModel):
@@ -313,6 +315,7 @@ class OwnDesign(BaseModel):
     index: int
     name: str
     design_mm: list[list[float]]
+    gear_ratio: list[float] | None = Field(None, description="rotor turns per joint turn, where the ratios were free")
 
 
 class DecidingTask(BaseModel):
@@ -327,6 +330,7 @@ class SharedDesign(BaseModel):
     """A design for all tasks."""
 
     design_mm: list[list[float]]
+    gear_ratio: list[float] | None = Field(None, description="rotor turns per joint turn, where the ratios were free")
     task: int | None = Field(None, description="the task whose own design it is")
     tasks: list[int] | None = Field(None, description="tasks in the mean")
     start: str | None = Field(None, description="shared_optimum: the method whose design it started from")
@@ -347,7 +351,11 @@ class SharedDesign(BaseModel):
     limits: list[Limit] | None = Field(
         None, description="shared_optimum: the motors' limits that hold back what the design is judged by"
     )
-    distance: float | None = Field(None, description="Problem 2: sum of squared relative differences to the mean")
+    distance: float | None = Field(
+        None, description="sum of squared relative differences: of Problem 2 to the mean, of `catalogue` to its source"
+    )
+    source: str | None = Field(None, description="catalogue: the method whose design was moved to sizes that exist")
+    entries: list[str] | None = Field(None, description="catalogue: each joint's motor, where motors have names")
 
 
 class DesignsAnswer(BaseModel):
@@ -465,6 +473,7 @@ class Trajectory(BaseModel):
     voltage_q_V: list[list[float]]
     control: VoltageControl = Field(description="how the voltages run between the points")
     design_mm: list[list[float]] = Field(description="the motors of this motion, one row each")
+    gear_ratio: list[float] | None = Field(None, description="rotor turns per joint turn, where the ratios were free")
     scheme: str
     degree: int
 

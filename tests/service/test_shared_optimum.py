@@ -121,7 +121,16 @@ def test_a_solve_that_fails_or_ends_worse_leaves_the_best_design(
         start = arguments[2]
         design = start.design * 1.01 if status == "Solve_Succeeded" else None
         return SharedOptimum(
-            design is not None, status, design, start.design, 1e9, 5, 0.1, Optimality(1.0, 1.0), ((0, 1e9),)
+            success=design is not None,
+            status=status,
+            design=design,
+            reached=start.design,
+            gear_ratio=np.full(6, 100.0),
+            objective=1e9,
+            iterations=5,
+            solve_time=0.1,
+            optimality=Optimality(1.0, 1.0),
+            convergence=((0, 1e9),),
         )
 
     monkeypatch.setattr(find_shared_optimum, "solve_shared", worse)

@@ -105,6 +105,11 @@ def test_gear_ratios(client: TestClient) -> None:
         ({"axes": {"name.first": ["a"]}}, "axes.name.first", "no such field"),
         ({"axes": {"robot_changes.gear_ratio": [0]}}, "application.robot_changes.gear_ratio", "must not be 0"),
         ({"axes": {"robot_changes.gear_ratio": [[1, 2]]}}, "application.robot_changes.gear_ratio", "6 joints"),
+        (
+            {"axes": {"robot_changes.link_mass_scale": [[1, 2]]}},
+            "application.robot_changes.link_mass_scale",
+            "6 joints",
+        ),
         ({"axes": {}}, "axes", "at least 1"),
     ],
 )

@@ -13,7 +13,7 @@ export function motionRows(motion, result, resolved) {
   const { robot, motor } = resolved;
   const joints = motion.joint_position_rad[0].length;
   const all = (value) => Array(joints).fill(value);
-  const speed = robot.gear_ratio.map((gear) => robot.rotor_speed_limit_rad_s / Math.abs(gear));
+  const speed = (motion.gear_ratio ?? robot.gear_ratio).map((gear) => robot.rotor_speed_limit_rad_s / Math.abs(gear));
   const torque = torqueLimits(motion, result);
   const both = (d, q) => [
     { name: "q", second: false, points: q },

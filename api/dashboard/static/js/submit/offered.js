@@ -11,7 +11,8 @@ export async function offered(signal) {
   const choices = (schema, property) => schemas[schema]?.properties?.[property]?.enum;
   return {
     objectives: choices("ObjectiveRequest", "kind") ?? ["time", "energy", "weighted"],
-    methods: choices("ApplicationRequest", "method") ?? ["two_step", "empirical", "worst_case"],
+    // A catalogue's sizes come with a file: the form has no fields for them.
+    methods: (choices("ApplicationRequest", "method") ?? ["two_step", "empirical", "worst_case"]).filter((m) => m !== "catalogue"),
     robots: robots.items,
   };
 }
