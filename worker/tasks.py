@@ -29,4 +29,4 @@ def run_job_task(job_id: str) -> None:
 def _process() -> tuple[Engine, Settings]:
     """Settings from the environment, and one engine a process, made after the fork."""
     settings = Settings()
-    return make_engine(settings.database_url), settings
+    return make_engine(settings.database_url, asks_first=False), settings  # `run_job` is patient

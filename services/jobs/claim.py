@@ -7,14 +7,27 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
-from sqlalchemy import Engine, select, update
+from sqlalchemy import Engine, Float, Integer, String, bindparam, func, select, update
 
 from services.codesign.solver import IterationReport
 from services.jobs.plan import JobSpec
-from services.jobs.store import CANCELLED, emit, lock_application, record_transition, requeue, settle, silence
+from services.jobs.record import (
+    APPLICATIONS,
+    HELD_TOKEN,
+    JOBS,
+    LOCKED,
+    OF_APPLICATION,
+    OF_JOB,
+    RECORD,
+    Move,
+    add_event,
+    prune,
+)
+from services.jobs.store import CANCELLED, emit, lock_application, requeue, settle
 from shared.db.clock import now
 from shared.db.engine import reading, transaction
-from shared.db.tables import Application, Job
+from shared.db.tables import Application, Job, Outbox, table_of
+from shared.db.together import Together
 from shared.domain import ApplicationState, JobState, Stage
 
 
@@ -30,32 +43,59 @@ class Claim:
     worker: str
 
 
+_QUEUED = (
+    select(
+        APPLICATIONS.c.id.label("application_id"),
+        APPLICATIONS.c.state.label("application_state"),
+        APPLICATIONS.c.last_event,
+        *(JOBS.c[name] for name in ("generation", "stage", "method", "task_index", "token")),
+    )
+    .join(JOBS, JOBS.c.application_id == APPLICATIONS.c.id)
+    .where(JOBS.c.id == OF_JOB, JOBS.c.state == JobState.QUEUED)
+    .with_for_update(of=LOCKED)
+)
+
+_TAKE = Together(
+    token=update(JOBS)
+    .where(JOBS.c.id == OF_JOB, JOBS.c.state == JobState.QUEUED)
+    .values(
+        state=JobState.RUNNING,
+        token=JOBS.c.token + 1,
+        attempts=JOBS.c.attempts + 1,
+        worker=bindparam("by", type_=String),
+        lease_until=now() + bindparam("lease_s", type_=Float),
+        started_at=func.coalesce(JOBS.c.started_at, now()),
+    )
+    .returning(JOBS.c.token),
+    application=update(APPLICATIONS)
+    .where(APPLICATIONS.c.id == OF_APPLICATION)
+    .values(
+        last_event=bindparam("newest_event", type_=Integer),
+        state=ApplicationState.RUNNING,
+        started_at=func.coalesce(APPLICATIONS.c.started_at, now()),
+    ),
+    message=update(table_of(Outbox)).where(table_of(Outbox).c.job_id == OF_JOB).values(due_at=None),
+    **RECORD,
+)
+
+
 def claim(engine: Engine, job_id: str, worker: str, lease_s: float) -> Claim | None:
     """Take a queued job; None when it is not queued (a doubled or late message) or gone."""
-    with transaction(engine) as session:
-        application_id = session.scalar(
-            select(Job.application_id).where(Job.id == job_id, Job.state == JobState.QUEUED)
-        )
-        if application_id is None:
+    with engine.begin() as connection:
+        job = connection.execute(_QUEUED, {"of_job": job_id}).one_or_none()
+        if job is None:
             return None
-        application = lock_application(session, application_id)
-        job = session.get(Job, job_id, populate_existing=True)
-        if application is None or job is None or job.state != JobState.QUEUED:
-            return None
-        job.token, job.attempts = job.token + 1, job.attempts + 1
-        record_transition(session, application, job, JobState.RUNNING, worker)
-        job.state, job.worker, job.lease_until = JobState.RUNNING, worker, now() + lease_s
-        if job.started_at is None:
-            job.started_at = now()
-        if application.state == ApplicationState.QUEUED:
-            application.state = ApplicationState.RUNNING
-            if application.started_at is None:
-                application.started_at = now()
-            emit(session, application, "application", {"state": ApplicationState.RUNNING, "reason": None})
-        session.flush()
-        silence(session, [job_id])
         spec = JobSpec(Stage(job.stage), job.method, job.task_index)
-        return Claim(job_id, application_id, job.generation, spec, job.token, worker)
+        move = Move(job_id, job.application_id, spec, JobState.QUEUED, JobState.RUNNING, job.token + 1, worker)
+        number, first = job.last_event + 1, job.application_state == ApplicationState.QUEUED
+        values = {"lease_s": lease_s, "newest_event": number + first}
+        token = _TAKE.run(connection, move.parameters(number) | values)["token"]
+        assert token == move.token
+        prune(connection, job.application_id, number)
+        if first:
+            running = {"state": ApplicationState.RUNNING, "reason": None}
+            add_event(connection, job.application_id, number + 1, "application", running)
+        return Claim(job_id, job.application_id, job.generation, spec, token, worker)
 
 
 @dataclass(frozen=True)
@@ -73,16 +113,28 @@ class Pulse(Requests):
     mine: bool
 
 
+_RENEW = (
+    update(JOBS)
+    .where(JOBS.c.id == OF_JOB, JOBS.c.token == HELD_TOKEN, JOBS.c.state == JobState.RUNNING)
+    .values(lease_until=now() + bindparam("lease_s", type_=Float))
+    .returning(
+        select(APPLICATIONS.c.cancel_requested)
+        .where(APPLICATIONS.c.id == OF_APPLICATION)
+        .scalar_subquery()
+        .label("cancelled"),
+        JOBS.c.stop_requested.label("search_stopped"),
+    )
+)
+
+
 def renew(engine: Engine, held: Claim, lease_s: float) -> Pulse:
     """Extend the lease; `mine` is False when it was lost."""
-    with transaction(engine) as session:
-        renewed = session.execute(
-            update(Job)
-            .where(Job.id == held.job_id, Job.token == held.token, Job.state == JobState.RUNNING)
-            .values(lease_until=now() + lease_s)
-            .returning(Job.id)
-        ).first()
-    return Pulse(**asdict(requests_of(engine, held)), mine=renewed is not None)
+    values = {"of_job": held.job_id, "of_application": held.application_id, "held_token": held.token}
+    with engine.begin() as connection:
+        renewed = connection.execute(_RENEW, values | {"lease_s": lease_s}).one_or_none()
+    if renewed is None:
+        return Pulse(**asdict(requests_of(engine, held)), mine=False)
+    return Pulse(**renewed._asdict(), mine=True)
 
 
 def requests_of(engine: Engine, held: Claim) -> Requests:

@@ -9,24 +9,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from sqlalchemy import delete, select, update
+from sqlalchemy import select, update
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session, defer
 
 from services.jobs.plan import Done, JobSpec, NextStage, Progress, plan_next
+from services.jobs.record import job_event, prune, refuse_unknown
 from services.jobs.resolved import ResolvedApplication
 from shared.contracts.errors import printable
 from shared.db.clock import now
 from shared.db.tables import Application, Design, Event, Job, JobTransition, Outbox, Result, Stage
-from shared.domain import TRANSITIONS, ApplicationState, JobState, new_id
+from shared.domain import ApplicationState, JobState, new_id
 from shared.domain import Stage as StageName
 
 MOTION_STAGES = (StageName.MOTIONS, StageName.SHARED_MOTIONS)
 """Stages whose jobs solve a task with a design given."""
-
-MOST_EVENTS = 5000
-"""Events kept of one application."""
-PRUNE_EVERY = 500
 
 LONGEST_REASON = 1000
 """Characters kept of an exception that ended a job or an application; the log has all of it."""
@@ -36,8 +33,13 @@ CANCELLED = "cancelled by request"
 
 
 def lock_application(session: Session, application_id: str) -> Application | None:
-    """The application's row, locked until the transaction ends."""
-    statement = select(Application).where(Application.id == application_id).with_for_update()
+    """The application's row, locked until the transaction ends; its documents are read when they are asked for."""
+    statement = (
+        select(Application)
+        .where(Application.id == application_id)
+        .options(defer(Application.request), defer(Application.resolved), defer(Application.versions))
+        .with_for_update()
+    )
     return session.scalars(statement.execution_options(populate_existing=True)).one_or_none()
 
 
@@ -45,9 +47,7 @@ def emit(session: Session, application: Application, kind: str, content: dict[st
     """Append to the application's events; the caller holds its lock."""
     application.last_event += 1
     session.add(Event(application_id=application.id, number=application.last_event, kind=kind, content=content))
-    if application.last_event % PRUNE_EVERY == 0:
-        oldest_kept = application.last_event - MOST_EVENTS
-        session.execute(delete(Event).where(Event.application_id == application.id, Event.number <= oldest_kept))
+    prune(session.connection(), application.id, application.last_event)
 
 
 def record_transition(
@@ -55,7 +55,7 @@ def record_transition(
 ) -> None:
     """Append to the history and the events; refuse a transition that does not exist."""
     source = JobState(job.state)
-    assert to in TRANSITIONS.get(source, frozenset()), f"job {job.id}: no transition {source} -> {to}"
+    refuse_unknown(job.id, source, to)
     session.add(
         JobTransition(
             job_id=job.id,
@@ -66,8 +66,8 @@ def record_transition(
             worker=worker if worker is not None else job.worker,
         )
     )
-    place = {"stage": job.stage, "method": job.method, "task_index": job.task_index}
-    emit(session, application, "job", {"job_id": job.id, **place, "from": source, "to": to})
+    spec = JobSpec(StageName(job.stage), job.method, job.task_index)
+    emit(session, application, "job", job_event(job.id, spec, source, to))
 
 
 def open_stage(session: Session, application: Application, stage: NextStage) -> None:
@@ -138,6 +138,14 @@ def silence(session: Session, job_ids: Sequence[str]) -> None:
         .values(due_at=None)
         .execution_options(synchronize_session=False)
     )
+
+
+def advance(session: Session, application_id: str, finished: StageName) -> None:
+    """Go on with an application whose stage is empty; the caller's transaction has its lock."""
+    application = lock_application(session, application_id)
+    assert application is not None
+    _advance(session, application, finished)
+    session.flush()
 
 
 def _advance(session: Session, application: Application, finished: StageName) -> None:

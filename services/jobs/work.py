@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from sqlalchemy import Engine, select
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import Session, load_only
 
 from services.codesign.motion import Motion
 from services.codesign.shared_optimum import SharedStart
@@ -22,6 +23,9 @@ from shared.contracts.application import MethodName
 from shared.db.engine import reading
 from shared.db.tables import Application, Design, Result
 from shared.domain import Stage
+
+MOST_SPECS = 32
+"""Applications whose spec a process keeps at hand: some hundred kilobytes each when they have a thousand tasks."""
 
 
 @dataclass(frozen=True)
@@ -52,38 +56,70 @@ class Work:
 
 def load_work(engine: Engine, held: Claim) -> Work | None:
     """Read a job's inputs; None when its application was deleted."""
+    resolved = _spec_of(engine, held.application_id)
+    if resolved is None:
+        return None
+    if held.spec.stage == Stage.CODESIGN:
+        return Work(held.spec, resolved, {})
     with reading(engine) as session:
-        application = session.get(Application, held.application_id)
-        if application is None:
+        return _with_inputs(session, held, resolved)
+
+
+_specs: OrderedDict[str, ResolvedApplication] = OrderedDict()
+"""Of the applications whose jobs came last to this process. What was accepted never changes, so that it is read and
+checked once, not for each of a hundred jobs."""
+
+
+def _spec_of(engine: Engine, application_id: str) -> ResolvedApplication | None:
+    known = _specs.get(application_id)
+    if known is None:
+        with reading(engine) as session:
+            stored = session.scalar(select(Application.resolved).where(Application.id == application_id))
+        if stored is None:
             return None
-        resolved = ResolvedApplication.model_validate(application.resolved)
-        own: dict[int, np.ndarray] = {}
-        gears: dict[int, np.ndarray] = {}
-        if held.spec.stage == Stage.RECONCILE:
-            results = results_of(session, application, Stage.CODESIGN)
-            own = {r.task_index: design_array(r.summary["design_mm"]) for r in results if r.summary.get("design_mm")}
-            gears = {r.task_index: found for r in results if (found := _gears(r.summary)) is not None}
-        if held.spec.stage == Stage.SHARED_OPTIMUM:
-            return Work(held.spec, resolved, own, shared=_shared_inputs(session, application, resolved))
-        if held.spec.stage not in MOTION_STAGES:
-            return Work(held.spec, resolved, own, gears)
-        design = session.get_one(Design, (application.id, application.generation, held.spec.method))
+        known = _specs[application_id] = ResolvedApplication.model_validate(stored)
+        if len(_specs) > MOST_SPECS:
+            _specs.popitem(last=False)
+    _specs.move_to_end(application_id)
+    return known
+
+
+def _with_inputs(session: Session, held: Claim, resolved: ResolvedApplication) -> Work | None:
+    """Inputs that earlier stages made; None when the application was deleted."""
+    application = session.get(Application, held.application_id, options=[load_only(Application.generation)])
+    if application is None:
+        return None
+    own: dict[int, np.ndarray] = {}
+    gears: dict[int, np.ndarray] = {}
+    if held.spec.stage == Stage.RECONCILE:
+        results = results_of(session, application, Stage.CODESIGN)
+        own = {r.task_index: design_array(r.summary["design_mm"]) for r in results if r.summary.get("design_mm")}
+        gears = {r.task_index: found for r in results if (found := _gears(r.summary)) is not None}
+    if held.spec.stage == Stage.SHARED_OPTIMUM:
+        return Work(held.spec, resolved, own, shared=_shared_inputs(session, application, resolved))
+    if held.spec.stage not in MOTION_STAGES:
+        return Work(held.spec, resolved, own, gears)
+    design = session.get_one(Design, (application.id, application.generation, held.spec.method))
+    mine = None
+    if resolved.objective.kind == "weighted":
         mine = session.scalars(
-            select(Result).where(
+            select(Result)
+            .where(
                 Result.application_id == application.id,
                 Result.generation == application.generation,
                 Result.stage == Stage.CODESIGN,
                 Result.task_index == held.spec.task_index,
             )
+            .options(load_only(Result.summary))
         ).one_or_none()
-        return Work(
-            held.spec,
-            resolved,
-            own,
-            design=design_array(design.content["design_mm"]),
-            gear_ratio=_gears(design.content),
-            references=_references(mine),
-        )
+    return Work(
+        held.spec,
+        resolved,
+        own,
+        design=design_array(design.content["design_mm"]),
+        gear_ratio=_gears(design.content),
+        references=_references(mine),
+    )
 
 
 def _gears(stored: dict[str, Any]) -> np.ndarray | None:

@@ -26,13 +26,16 @@ IDLE_IN_TRANSACTION_S = 30
 the rows that it locked are free again. No transaction here waits for anything but the database."""
 
 
-def make_engine(url: str) -> Engine:
+def make_engine(url: str, *, asks_first: bool = True) -> Engine:
     """Create an engine. For SQLite: WAL, one writer at a time, and a wait instead of a lock error.
 
     Parameters
     ----------
     url
         ``sqlite:///FILE`` or ``postgresql+psycopg://...`` (``postgresql://`` is read as the same).
+    asks_first
+        Whether a connection to a server is asked, each time before it is used, if it is still there. Who repeats a
+        transaction that failed for a lost connection needs no such question.
     """
     parsed = make_url(url)
     if parsed.get_backend_name() == "sqlite":
@@ -47,7 +50,7 @@ def make_engine(url: str) -> Engine:
     if parsed.drivername == "postgresql":
         parsed = parsed.set(drivername="postgresql+psycopg")
     unset = {name: value for name, value in POSTGRES_CONNECTION.items() if name not in parsed.query}
-    engine = create_engine(parsed, pool_pre_ping=True, connect_args=unset)
+    engine = create_engine(parsed, pool_pre_ping=asks_first, connect_args=unset)
     event.listen(engine, "connect", _configure_postgres)
     return engine
 

@@ -17,6 +17,7 @@ from sqlalchemy import (
     LargeBinary,
     MetaData,
     String,
+    Table,
     Text,
     UniqueConstraint,
     false,
@@ -41,6 +42,12 @@ class Base(DeclarativeBase):
         }
     )
     type_annotation_map = {float: Float(53), dict[str, Any]: JSON, list[str]: JSON}  # noqa: RUF012
+
+
+def table_of(entity: type[Base]) -> Table:
+    """The table itself, for statements that need no objects."""
+    assert isinstance(entity.__table__, Table)
+    return entity.__table__
 
 
 def _application_id() -> Mapped[str]:

@@ -44,8 +44,8 @@ def test_events_tell_the_whole_story_without_gap_or_double(engine: Engine, setti
 def test_old_events_are_pruned_and_it_is_said(
     engine: Engine, settings: Settings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("services.jobs.store.MOST_EVENTS", 4)
-    monkeypatch.setattr("services.jobs.store.PRUNE_EVERY", 2)
+    monkeypatch.setattr("services.jobs.record.MOST_EVENTS", 4)
+    monkeypatch.setattr("services.jobs.record.PRUNE_EVERY", 2)
     application_id, _ = submit(engine, settings, application())
     drain(engine)
     found = events_after(engine, application_id, 0)
