@@ -34,7 +34,9 @@ poll it, fetch its design. Every quantity carries its unit in its name."""
 def create_app(settings: Settings | None = None) -> FastAPI:
     """Make the API; the database has to be at its newest revision (`shared.db.migrate.upgrade`)."""
     settings = settings or Settings()
-    context = Context(settings, make_engine(settings.database_url), celery_app(settings.broker_url))
+    # What the API acknowledges stays acknowledged; what workers write can be done again.
+    engine = make_engine(settings.database_url, outlives_power=True)
+    context = Context(settings, engine, celery_app(settings.broker_url))
 
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:

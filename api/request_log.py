@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 
 import structlog
@@ -11,6 +12,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from shared.domain import new_id
 
 log = structlog.get_logger()
+
+_APPLICATION = re.compile(r"/v1/applications/([0-9a-f]{22})(?:/|$)")
 
 
 class RequestLog:
@@ -33,7 +36,9 @@ class RequestLog:
                 MutableHeaders(scope=message)["X-Request-Id"] = request_id
             await send(message)
 
-        with structlog.contextvars.bound_contextvars(request=request_id):
+        about = _APPLICATION.match(scope["path"])
+        ids = {"request": request_id} | ({"application": about[1]} if about else {})
+        with structlog.contextvars.bound_contextvars(**ids):
             try:
                 await self.app(scope, receive, watched)
             finally:

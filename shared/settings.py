@@ -1,4 +1,7 @@
-"""Settings, from the environment: ARMATURE_HOME, ARMATURE_DATABASE_URL, and so on."""
+"""Settings, from the environment: ARMATURE_HOME, ARMATURE_DATABASE_URL, and so on.
+
+docs/operations.md has them as a table; `python docs/make_operations.py` writes it.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 class Settings(BaseSettings):
     """Everything that can be set; the defaults run embedded, in one folder, with no server."""
 
-    model_config = SettingsConfigDict(env_prefix="ARMATURE_", frozen=True)
+    model_config = SettingsConfigDict(env_prefix="ARMATURE_", frozen=True, use_attribute_docstrings=True)
 
     home: Path = Field(default_factory=lambda: Path.home() / ".armature")
     """Folder of the embedded database, the embedded broker and the compiled kernels."""

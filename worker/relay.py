@@ -39,17 +39,22 @@ def run_relay(settings: Settings, stop: threading.Event) -> None:
     """
     engine, app = make_engine(settings.database_url), celery_app(settings.broker_url)
 
-    wake, backlog = partial(send, app, RUN_JOB), partial(queue_size, app)
+    backlog = partial(queue_size, app)
     lost_queue = LostQueue(engine, backlog, settings.sweep_s)
+
+    def wake(job_id: str) -> None:
+        send(app, RUN_JOB, job_id)
+        log.debug("message sent", job=job_id)
 
     def send_due() -> None:
         lost_queue.look()
-        if not relay(engine, wake, settings.resend_after_s, backlog):
+        if sent := relay(engine, wake, settings.resend_after_s, backlog):
+            log.info("messages sent", jobs=sent)
+        else:
             stop.wait(settings.relay_poll_s)
 
     def tidy() -> None:
-        if recovered := sweep(engine, settings.max_attempts):
-            log.warning("leases expired", jobs=recovered)
+        sweep(engine, settings.max_attempts)
         tally(engine)
         if forgotten := forget_old(engine, settings.retention_days):
             log.info("old applications deleted", applications=forgotten)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import structlog
 from sqlalchemy import Engine
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
-from structlog.typing import FilteringBoundLogger
+from structlog.contextvars import bound_contextvars
 
 from services.codesign.solver import IterationReport, SolverOptions
 from services.jobs.claim import Claim, Requests, claim, release, renew, report, requests_of
@@ -22,6 +22,7 @@ from services.jobs.store import LONGEST_REASON
 from services.jobs.work import load_work
 from shared.contracts.errors import printable
 from shared.domain import JobState
+from shared.observability import thread_with_ids
 from shared.settings import Settings
 from worker.drain import drained
 from worker.patience import for_the_next, passes, patiently
@@ -37,27 +38,31 @@ LAST_BEAT_S = 5.0
 
 def run_job(engine: Engine, settings: Settings, job_id: str) -> None:
     """Claim a job, solve it, record the outcome. A job that is not queued is left alone."""
-    held = patiently(lambda: claim(engine, job_id, worker_name(), settings.lease_s))
-    if held is None:
-        log.info("job not queued, message ignored", job=job_id)
-        return
-    logger = log.bind(job=job_id, application=held.application_id, stage=held.spec.stage, task=held.spec.task_index)
-    logger.info("job claimed", token=held.token)
+    with bound_contextvars(job=job_id):
+        held = patiently(lambda: claim(engine, job_id, worker_name(), settings.lease_s))
+        if held is None:
+            log.info("job not queued, message ignored")
+            return
+        with bound_contextvars(application=held.application_id, stage=held.spec.stage, task=held.spec.task_index):
+            log.info("job claimed", token=held.token)
+            _run(engine, settings, held)
+
+
+def _run(engine: Engine, settings: Settings, held: Claim) -> None:
     with Heartbeat(engine, settings, held) as heartbeat:
-        outcome = _outcome(engine, settings, held, heartbeat, logger)
+        outcome = _outcome(engine, settings, held, heartbeat)
     if outcome is None:
+        log.info("application deleted meanwhile, job dropped")
         return
     if heartbeat.gave_up:
         accepted = patiently(lambda: release(engine, held), for_the_next(GIVING_BACK_S))
-        logger.info("job given back", accepted=accepted)
+        log.info("job given back", accepted=accepted)
         return
-    accepted = _record(engine, held, outcome, logger)
-    logger.info("job finished", state=outcome.state, value=outcome.value, reason=outcome.reason, accepted=accepted)
+    accepted = _record(engine, held, outcome)
+    log.info("job finished", state=outcome.state, value=outcome.value, reason=outcome.reason, accepted=accepted)
 
 
-def _outcome(
-    engine: Engine, settings: Settings, held: Claim, heartbeat: Heartbeat, logger: FilteringBoundLogger
-) -> Outcome | None:
+def _outcome(engine: Engine, settings: Settings, held: Claim, heartbeat: Heartbeat) -> Outcome | None:
     """What comes of a claimed job; None when its application was deleted."""
     options = SolverOptions(max_wall_time=settings.solve_time_limit_s, threads=settings.shared_threads)
     try:
@@ -66,18 +71,18 @@ def _outcome(
     except Exception as error:
         if _is_outage(error):
             raise
-        logger.exception("job raised an exception")
+        log.exception("job raised an exception")
         return _raised("solving", error)
 
 
-def _record(engine: Engine, held: Claim, outcome: Outcome, logger: FilteringBoundLogger) -> bool:
+def _record(engine: Engine, held: Claim, outcome: Outcome) -> bool:
     """Store an outcome, or that it cannot be stored."""
     try:
         return patiently(lambda: finish(engine, held, outcome))
     except Exception as error:
         if _is_outage(error):
             raise
-        logger.exception("outcome cannot be stored")
+        log.exception("outcome cannot be stored")
         unstored = _raised("storing the result", error)
         return patiently(lambda: finish(engine, held, unstored))
 
@@ -109,7 +114,7 @@ class Heartbeat:
     _done: threading.Event = field(default_factory=threading.Event)
 
     def __enter__(self) -> Heartbeat:
-        self._thread = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
+        self._thread = thread_with_ids(self._beat, "heartbeat")
         self._thread.start()
         return self
 
@@ -145,4 +150,4 @@ class Heartbeat:
                     iteration, self._latest = self._latest, None
                     report(self.engine, self.held, iteration)
             except SQLAlchemyError as error:  # the database is away for a while: keep solving, the lease decides
-                log.warning("heartbeat failed", job=self.held.job_id, error=str(error))
+                log.warning("heartbeat failed", error=str(error))

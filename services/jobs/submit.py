@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+import structlog
 from pydantic import BaseModel
 from sqlalchemy import Engine, select
 from sqlalchemy.exc import IntegrityError
@@ -23,6 +24,8 @@ from shared.db.engine import reading, transaction
 from shared.db.tables import Application, Sweep, UploadedRobot
 from shared.domain import ApplicationState, new_id
 from shared.settings import Settings
+
+log = structlog.get_logger()
 
 
 class IdempotencyConflictError(Exception):
@@ -70,6 +73,7 @@ def submit(
         if earlier is None:
             raise
         return earlier, False
+    log.info("application accepted", application=application.id, jobs=len(first.jobs))
     return application.id, True
 
 

@@ -55,4 +55,12 @@ def _recover(engine: Engine, job_id: str, application_id: str, max_attempts: int
             settle(session, application, [job], JobState.DEAD, reason)
         else:
             requeue(session, application, job, by=SWEEP)
-        return True
+    log.warning(
+        "lease expired",
+        job=job_id,
+        application=application_id,
+        worker=job.worker,
+        attempt=job.attempts,
+        state=job.state,
+    )
+    return True

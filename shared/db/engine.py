@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ IDLE_IN_TRANSACTION_S = 30
 the rows that it locked are free again. No transaction here waits for anything but the database."""
 
 
-def make_engine(url: str, *, asks_first: bool = True) -> Engine:
+def make_engine(url: str, *, asks_first: bool = True, outlives_power: bool = False) -> Engine:
     """Create an engine. For SQLite: WAL, one writer at a time, and a wait instead of a lock error.
 
     Parameters
@@ -36,6 +37,10 @@ def make_engine(url: str, *, asks_first: bool = True) -> Engine:
     asks_first
         Whether a connection to a server is asked, each time before it is used, if it is still there. Who repeats a
         transaction that failed for a lost connection needs no such question.
+    outlives_power
+        SQLite: whether a commit waits for the disk, so that it and all before it are still there after a power
+        failure. Without, the last of them may be undone together; a process that is killed takes nothing along either
+        way. With Postgres the server decides.
     """
     parsed = make_url(url)
     if parsed.get_backend_name() == "sqlite":
@@ -44,7 +49,7 @@ def make_engine(url: str, *, asks_first: bool = True) -> Engine:
         engine = create_engine(
             parsed, connect_args={"timeout": SQLITE_BUSY_TIMEOUT_S, "isolation_level": None, "check_same_thread": False}
         )
-        event.listen(engine, "connect", _configure_sqlite)
+        event.listen(engine, "connect", partial(_configure_sqlite, "FULL" if outlives_power else "NORMAL"))
         event.listen(engine, "begin", _begin_immediate)
         return engine
     if parsed.drivername == "postgresql":
@@ -60,8 +65,8 @@ def _configure_postgres(connection: Any, _record: Any) -> None:
     connection.commit()
 
 
-def _configure_sqlite(connection: Any, _record: Any) -> None:
-    for pragma in ("journal_mode=WAL", "synchronous=NORMAL", "foreign_keys=ON"):
+def _configure_sqlite(synchronous: str, connection: Any, _record: Any) -> None:
+    for pragma in ("journal_mode=WAL", f"synchronous={synchronous}", "foreign_keys=ON"):
         connection.execute(f"PRAGMA {pragma}")
 
 
