@@ -16,7 +16,7 @@ from shared.settings import Settings
 
 PAGE = Path(__file__).parent / "operations.md"
 
-UNITS = {"_s": "s", "_days": "days", "_hours": "hours", "_bytes": "bytes", "_per_minute": "1/min"}
+UNITS = {"_s": "s", "_days": "days", "_hours": "hours", "_bytes": "bytes", "_mb": "MB", "_per_minute": "1/min"}
 """By the end of a setting's name."""
 DEFAULTS = {
     "home": "`~/.armature`",
