@@ -83,7 +83,7 @@ def test_a_job(engine: Engine, settings: Settings, lines: Lines, monkeypatch: py
             time.sleep(0.01)
         return outcome_of(work)
 
-    for name, stand_in in {"claim": interrupted, "cancel_requested": away, "execute": solve}.items():
+    for name, stand_in in {"claim": interrupted, "requests_of": away, "execute": solve}.items():
         monkeypatch.setattr(worker.run_job, name, stand_in)
     run_job(engine, settings.model_copy(update={"cancel_poll_s": 0.01}), first)
     ids = {"job": first, "application": application_id, "stage": "codesign"}
