@@ -68,19 +68,21 @@ def run_worker() -> None:
 
 
 def run_worker_that_dies_counting() -> None:
-    """A worker of whose processes one is killed when it has stored a result, and is about to lower its stage's counter.
+    """A worker of whose processes one is killed when it has lowered a stage's counter, and not committed.
+
+    Postgres has the result and the rest of the finish in the same statement; SQLite gets the result after it.
 
     Once each time that `DEATH` is there.
     """
 
     def die(*event: Any) -> None:
         statement = event[2]
-        if statement.startswith("UPDATE stages "):
+        if "UPDATE stages " in statement:
             with suppress(FileNotFoundError):
                 (_home() / DEATH).unlink()
                 os.kill(os.getpid(), signal.SIGKILL)
 
-    sqlalchemy.event.listen(Engine, "before_cursor_execute", die)
+    sqlalchemy.event.listen(Engine, "after_cursor_execute", die)
     run_worker()
 
 

@@ -109,7 +109,7 @@ class Service:
         (self.settings.home / roles.RAISING_TASK).write_text(str(index))
 
     def kill_when_counting(self) -> None:
-        """Let a process be killed between its result and the counter of the stage, once."""
+        """Let a process be killed between the counter of a stage and its commit, once."""
         (self.settings.home / roles.DEATH).touch()
 
     def executions(self) -> list[str]:

@@ -64,8 +64,8 @@ def test_pool_children_killed_in_mid_solve(service: Service, count: Count, measu
     measured(f"{len(lost)} jobs lost with their process, done again: {spread(recovery_times(service.engine, lost))}")
 
 
-def test_killed_between_the_result_and_the_counter(service: Service, count: Count) -> None:
-    """Both are one transaction: neither is there, and the job is done again."""
+def test_killed_in_the_middle_of_a_finish(service: Service, count: Count) -> None:
+    """Result and counter are one transaction: neither is there, and the job is done again."""
     kills = count("killed while counting")
     service.start("relay")
     service.start("worker that dies counting")
