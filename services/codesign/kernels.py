@@ -54,6 +54,7 @@ _SHAPING_SOURCES = (
     "friction.py",
     "interval.py",
     "inverse_dynamics.py",
+    "kept.py",
     "kernels.py",
     "lanes.py",
     "motor.py",
