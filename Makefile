@@ -24,7 +24,7 @@ demo: $(READY) ## the paper's application, end to end: 25 tasks, one design, com
 test: lint ## lint, types, layers, then all tests
 	$(BIN)/pytest
 
-test-faults: $(READY_TO_DEVELOP) ## kill and freeze everything as often as docs/reliability.md says (a quarter of an hour)
+test-faults: $(READY_TO_DEVELOP) ## kill and freeze everything as often as docs/reliability.md says (some twenty minutes)
 	$(BIN)/pytest tests/faults --full-faults -n 2 --dist worksteal  # most of them wait most of the time
 
 reliability: test-faults ## the same, and write what was measured into docs/reliability.md

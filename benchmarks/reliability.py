@@ -23,7 +23,7 @@ def main() -> None:
     figures: dict[str, Sequence[str]] = json.loads(FIGURES.read_text())
     put(
         "figures",
-        table(("test", "on", "measured"), [row for test in sorted(figures) for row in _rows(test, figures)]),
+        table(("test", "on", "measured"), [row for test in sorted(figures) for row in _rows(test, figures[test])]),
         PAGE,
     )
 

@@ -47,7 +47,7 @@ Measured = Callable[[str], None]
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """`pytest tests/faults --full-faults`."""
-    parser.addoption("--full-faults", action="store_true", help="full counts and true lengths: a quarter of an hour")
+    parser.addoption("--full-faults", action="store_true", help="full counts and true lengths: some twenty minutes")
 
 
 def is_full(config: pytest.Config) -> bool:
