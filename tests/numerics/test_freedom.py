@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 import pytest
 
@@ -22,6 +21,7 @@ from services.codesign.shared_optimum import SharedStart, solve_shared
 from services.codesign.solve import solve
 from services.codesign.solver import SolverOptions
 from tests.numerics.arms import random_robot
+from tests.numerics.derivatives import assert_derivatives_of_the_whole
 
 UR5 = Robot.preset("ur5")
 SMALL = random_robot(2)
@@ -65,14 +65,7 @@ def test_derivatives_equal_those_of_the_whole(freedom: Freedom, control: str, dy
     rng = np.random.default_rng(0)
     x = rng.uniform(0.9, 1.1, program.variables)
     x[program.time_index] = 0.6
-    lam_f, lam_g = 0.7, rng.normal(size=program.constraints)
-    X, P, LF, LG = (ca.MX.sym(s, k) for s, k in (("x", len(x)), ("p", len(p)), ("lf", 1), ("lg", len(lam_g))))
-    f, g = program.nlp(X, P)
-    hessian, _ = ca.hessian(LF * f + ca.dot(LG, g), X)
-    whole = ca.Function("whole", [X, P, LF, LG], [ca.gradient(f, X), ca.jacobian(g, X), ca.triu(hessian)])
-    found = [program.grad_f(x, p)[1], program.jac_g(x, p)[1], program.hess_lag(x, p, lam_f, lam_g)]
-    for a, b in zip(found, whole(x, p, lam_f, lam_g), strict=True):
-        assert np.abs(a.full() - b.full()).max() <= ROUNDING * np.abs(b.full()).max()
+    assert_derivatives_of_the_whole(program, x, p, rng.normal(size=program.constraints), ROUNDING)
 
 
 @pytest.mark.parametrize("control", ["voltage", "current"])

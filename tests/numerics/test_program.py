@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 import pytest
 
@@ -17,6 +16,7 @@ from services.codesign.program import Program, build_program
 from services.codesign.reconcile import feasible_design
 from services.codesign.robot import Robot
 from tests.numerics.arms import random_robot
+from tests.numerics.derivatives import assert_derivatives_of_the_whole
 
 ROUNDING = 1e-9
 """Relative to the largest entry: the same derivatives, summed in another order."""
@@ -53,7 +53,6 @@ def problem(request):
 
 
 def test_derivatives_equal_those_of_the_whole(problem):
-    """Gathered from kernels here, found by differentiating the whole program there."""
     program = program_of(problem)
     widths = (0.2, 0.5, 0.3) if program.intervals == 3 else (1.0,)
     problem = replace(problem, transcription=replace(problem.transcription, widths=widths))
@@ -61,17 +60,7 @@ def test_derivatives_equal_those_of_the_whole(problem):
     rng = np.random.default_rng(0)
     x = rng.uniform(0.9, 1.1, program.variables)
     x[program.time_index] = 0.6
-    lam_f, lam_g = 0.7, rng.normal(size=program.constraints)
-    X, P, LF, LG = (ca.MX.sym(s, k) for s, k in (("x", len(x)), ("p", len(p)), ("lf", 1), ("lg", len(lam_g))))
-    f, g = program.nlp(X, P)
-    hessian, gradient = ca.hessian(LF * f + ca.dot(LG, g), X)
-    whole = ca.Function("whole", [X, P, LF, LG], [f, g, ca.gradient(f, X), ca.jacobian(g, X), ca.triu(hessian)])
-    expected = [part.full() for part in whole(x, p, lam_f, lam_g)]
-    f_1, gradient = program.grad_f(x, p)
-    g_1, jacobian = program.jac_g(x, p)
-    found = [f_1, g_1, gradient, jacobian, program.hess_lag(x, p, lam_f, lam_g)]
-    for a, b in zip(found, expected, strict=True):
-        assert np.abs(a.full() - b).max() <= ROUNDING * np.abs(b).max()
+    assert_derivatives_of_the_whole(program, x, p, rng.normal(size=program.constraints), ROUNDING)
 
 
 def test_paper_sizes():

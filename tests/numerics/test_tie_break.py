@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 import pytest
 
@@ -21,6 +20,7 @@ from services.codesign.shared_optimum import SharedStart, solve_shared
 from services.codesign.solve import Solution, solve
 from services.codesign.solver import SolverOptions
 from services.codesign.tie_break_program import tie_break_elimination, tie_break_program
+from tests.numerics.derivatives import assert_derivatives_of_the_whole
 from tests.numerics.test_freedom import SMALL, small, ur5
 
 ROUNDING = 1e-9
@@ -57,14 +57,7 @@ def test_derivatives_equal_those_of_the_whole(kind: str, control: str) -> None:
     x[program.time_index] = 0.6
     p = second.instance(build_instance(problem, program), 1.0, rng.uniform(0.8, 1.2, (2, 7))).parameters
     p[-program.lengths - 2 : -program.lengths] = 0.4, 0.7  # both objectives at once
-    lam_f, lam_g = 0.7, rng.normal(size=second.constraints)
-    X, P, LF, LG = (ca.MX.sym(s, k) for s, k in (("x", len(x)), ("p", len(p)), ("lf", 1), ("lg", len(lam_g))))
-    f, g = second.nlp(X, P)
-    hessian, _ = ca.hessian(LF * f + ca.dot(LG, g), X)
-    whole = ca.Function("whole", [X, P, LF, LG], [ca.gradient(f, X), ca.jacobian(g, X), ca.triu(hessian)])
-    found = [second.grad_f(x, p)[1], second.jac_g(x, p)[1], second.hess_lag(x, p, lam_f, lam_g)]
-    for a, b in zip(found, whole(x, p, lam_f, lam_g), strict=True):
-        assert np.abs(a.full() - b.full()).max() <= ROUNDING * np.abs(b.full()).max()
+    assert_derivatives_of_the_whole(second, x, p, rng.normal(size=second.constraints), ROUNDING)
 
 
 def test_the_mass_counts_every_joint() -> None:
