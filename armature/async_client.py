@@ -27,16 +27,9 @@ from armature.results import AsyncResults
 from armature.retries import PATIENCE_S, WAITS_S, Attempts, OnWait, Policy
 from armature.sweep_progress import shown_sweep_progress
 from armature.waiting import Progress, look_until_final
-from shared.contracts.results import (
-    ApplicationItem,
-    ApplicationStatus,
-    ComparisonAnswer,
-    DesignAnswer,
-    DesignsAnswer,
-    SolverLog,
-    TaskResult,
-    Trajectory,
-)
+from shared.contracts.comparisons import ComparisonAnswer, DesignAnswer, DesignsAnswer
+from shared.contracts.motions import SolverLog, TaskResult, Trajectory
+from shared.contracts.states import ApplicationItem, ApplicationStatus
 from shared.contracts.sweeps import SweepItem, SweepStatus
 
 if TYPE_CHECKING:

@@ -15,18 +15,9 @@ from pydantic import BaseModel, ValidationError
 
 from armature.application_file import read_application, read_robot, read_sweep
 from armature.errors import UnexpectedAnswerError
-from shared.contracts.results import (
-    Accepted,
-    ApplicationList,
-    ApplicationStatus,
-    ComparisonAnswer,
-    DesignAnswer,
-    DesignsAnswer,
-    SolverLog,
-    TaskList,
-    TaskResult,
-    Trajectory,
-)
+from shared.contracts.comparisons import ComparisonAnswer, DesignAnswer, DesignsAnswer
+from shared.contracts.motions import SolverLog, TaskList, TaskResult, Trajectory
+from shared.contracts.states import Accepted, ApplicationList, ApplicationStatus
 from shared.contracts.sweeps import AcceptedSweep, SweepList, SweepStatus
 
 DEFAULT_URL = "http://127.0.0.1:8000"

@@ -28,16 +28,9 @@ from armature.results import Results
 from armature.retries import PATIENCE_S, WAITS_S, Attempts, OnWait, Policy
 from armature.sweep import Sweep
 from armature.waiting import Progress, look_until_final
-from shared.contracts.results import (
-    ApplicationItem,
-    ApplicationStatus,
-    ComparisonAnswer,
-    DesignAnswer,
-    DesignsAnswer,
-    SolverLog,
-    TaskResult,
-    Trajectory,
-)
+from shared.contracts.comparisons import ComparisonAnswer, DesignAnswer, DesignsAnswer
+from shared.contracts.motions import SolverLog, TaskResult, Trajectory
+from shared.contracts.states import ApplicationItem, ApplicationStatus
 from shared.contracts.sweeps import SweepItem
 
 __all__ = ["DEFAULT_URL", "Application", "Client", "new_idempotency_key"]

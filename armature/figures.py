@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from armature.client import Application
 from armature.errors import NotFoundError
-from shared.contracts.results import TaskList, Trajectory
+from shared.contracts.motions import TaskList, Trajectory
 
 if TYPE_CHECKING:
     from services.report.answers import Answers

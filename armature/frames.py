@@ -10,14 +10,8 @@ from armature.errors import MissingExtraError
 from armature.export.designs import design_columns
 from armature.export.motion_columns import TIME, motion_columns
 from armature.export.tables import data_frame
-from shared.contracts.results import (
-    ComparisonAnswer,
-    DesignAnswer,
-    DesignsAnswer,
-    MotionResult,
-    TaskResult,
-    Trajectory,
-)
+from shared.contracts.comparisons import ComparisonAnswer, DesignAnswer, DesignsAnswer
+from shared.contracts.motions import MotionResult, TaskResult, Trajectory
 
 if TYPE_CHECKING:
     import pandas as pd

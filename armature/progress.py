@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from armature.notebook import Bars, NotebookBars, in_notebook
-from shared.contracts.results import ApplicationStatus, LatestResult, StageProgress
+from shared.contracts.states import ApplicationStatus, LatestResult, StageProgress
 from shared.domain import ApplicationState
 
 STAGES = {

@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from armature.client import Application
 from armature.errors import NotFoundError
 from armature.sweep import Sweep
-from shared.contracts.results import TaskList
+from shared.contracts.motions import TaskList
 
 OWN = "own"
 

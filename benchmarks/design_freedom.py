@@ -24,7 +24,7 @@ from benchmarks.tables import ROOT, table
 from services.codesign.kernels import default_cache
 from services.codesign.motor import evaluate_motor
 from services.codesign.motor_data import MotorData
-from shared.contracts.results import ComparisonAnswer, DesignsAnswer
+from shared.contracts.comparisons import ComparisonAnswer, DesignsAnswer
 from shared.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "design_freedom.json"

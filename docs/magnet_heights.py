@@ -16,7 +16,7 @@ from services.codesign.motor_data import DIMENSIONS
 from services.codesign.problem import Objective, Problem, Task
 from services.codesign.robot import Robot
 from services.codesign.solve import solve
-from shared.contracts.results import DesignAnswer
+from shared.contracts.comparisons import DesignAnswer
 
 STROKES = (0.2, 0.4, 0.6, 0.8, 1.0)  # rad
 PAYLOADS = (0.0, 1.0, 2.0, 3.0, 4.0)  # kg

@@ -23,7 +23,7 @@ from services.report.motion_chart import motion_chart
 from services.report.motion_limits import motion_limits
 from services.report.style import save, style
 from services.report.totals_chart import totals_chart
-from shared.contracts.results import ComparisonAnswer, DesignAnswer, DesignsAnswer
+from shared.contracts.comparisons import ComparisonAnswer, DesignAnswer, DesignsAnswer
 
 IMAGES = Path(__file__).parent / "images"
 METHOD = "two_step"

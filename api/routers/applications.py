@@ -16,7 +16,7 @@ from services.jobs.stop_search import stop_search
 from services.jobs.submit import submit
 from services.jobs.views import NotFoundError
 from shared.contracts.application import ApplicationRequest
-from shared.contracts.results import Accepted, ApplicationList, ApplicationStatus
+from shared.contracts.states import Accepted, ApplicationList, ApplicationStatus
 from shared.domain import ApplicationState
 
 router = APIRouter(prefix="/v1/applications", tags=["applications"])

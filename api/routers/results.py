@@ -12,18 +12,9 @@ from api.context import Ctx
 from services.jobs import overview, results, views
 from services.jobs.resolved import ResolvedApplication
 from shared.contracts.application import MethodName
+from shared.contracts.comparisons import ComparisonAnswer, DesignAnswer, DesignsAnswer
+from shared.contracts.motions import SolverLog, SolverPoint, Source, TaskList, TaskResult, Trajectory
 from shared.contracts.overview import Overview, Resolved
-from shared.contracts.results import (
-    ComparisonAnswer,
-    DesignAnswer,
-    DesignsAnswer,
-    SolverLog,
-    SolverPoint,
-    Source,
-    TaskList,
-    TaskResult,
-    Trajectory,
-)
 
 router = APIRouter(prefix="/v1/applications/{application_id}", tags=["results"])
 

@@ -16,7 +16,7 @@ from armature.cli.server import Json, Url, open_application
 from armature.client import DEFAULT_URL, Application
 from armature.errors import NotFoundError
 from armature.export.files import TABULAR, Format, write_designs, write_motion
-from shared.contracts.results import TaskResult, Trajectory
+from shared.contracts.motions import TaskResult, Trajectory
 
 
 class LeftOut(BaseModel):

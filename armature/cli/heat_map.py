@@ -9,7 +9,7 @@ from rich.text import Text
 
 from armature.cli.layout import new_table
 from shared.contracts.application import GridRequest
-from shared.contracts.results import ComparisonAnswer
+from shared.contracts.comparisons import ComparisonAnswer
 
 STRONG_PERCENT = 5.0
 """From here on a cell has its full colour."""

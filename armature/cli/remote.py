@@ -18,7 +18,8 @@ from armature.cli.exit_codes import exit_code_of
 from armature.cli.server import Json, Url, ask, open_application
 from armature.client import DEFAULT_URL
 from armature.progress import shown_progress
-from shared.contracts.results import Accepted, ApplicationList, TaskList
+from shared.contracts.motions import TaskList
+from shared.contracts.states import Accepted, ApplicationList
 from shared.domain import ApplicationState
 
 Id = Annotated[

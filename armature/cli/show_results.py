@@ -10,7 +10,7 @@ from armature.cli import tables
 from armature.cli.reference import Reference
 from armature.client import Application
 from armature.errors import NotFoundError
-from shared.contracts.results import ApplicationStatus
+from shared.contracts.states import ApplicationStatus
 
 
 def show_results(

@@ -12,14 +12,9 @@ from armature.cli.heat_map import heat_maps
 from armature.cli.layout import new_table, print_table
 from armature.cli.reference import Reference
 from armature.progress import current_stage, done, duration
-from shared.contracts.results import (
-    ApplicationItem,
-    ApplicationStatus,
-    ComparisonAnswer,
-    DesignAnswer,
-    DesignsAnswer,
-    TaskResult,
-)
+from shared.contracts.comparisons import ComparisonAnswer, DesignAnswer, DesignsAnswer
+from shared.contracts.motions import TaskResult
+from shared.contracts.states import ApplicationItem, ApplicationStatus
 
 OWN = "own"
 MOST_LIMITS = 10

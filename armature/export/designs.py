@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from shared.contracts.results import DesignsAnswer
+from shared.contracts.comparisons import DesignsAnswer
 
 
 def design_columns(designs: DesignsAnswer) -> dict[str, list[Any]]:

@@ -15,7 +15,8 @@ from armature.export.motion_columns import joint_columns, joint_names, motion_ar
 from armature.export.ros import joint_trajectory
 from armature.export.tables import write_csv, write_parquet
 from armature.whole_files import whole_file
-from shared.contracts.results import DesignsAnswer, Trajectory
+from shared.contracts.comparisons import DesignsAnswer
+from shared.contracts.motions import Trajectory
 
 
 class Format(StrEnum):

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from shared.contracts.results import Trajectory
+from shared.contracts.motions import Trajectory
 
 TIME = "time_s"
 QUANTITIES = (

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from armature.export.motion_columns import joint_acceleration
-from shared.contracts.results import Trajectory
+from shared.contracts.motions import Trajectory
 
 NANOSECONDS = 1_000_000_000
 

@@ -18,7 +18,8 @@ from armature.client import Client
 from armature.processes import Place, running_service
 from services.codesign.comparison import over_tasks
 from services.codesign.kernels import default_cache
-from shared.contracts.results import ApplicationStatus, ComparisonAnswer, DesignsAnswer
+from shared.contracts.comparisons import ComparisonAnswer, DesignsAnswer
+from shared.contracts.states import ApplicationStatus
 from shared.contracts.sweeps import SweepStatus
 from shared.settings import Settings
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from services.codesign.limits import LimitSlope, unit_of
-from shared.contracts import results as wire
+from shared.contracts.comparisons import LimitCost
 
 
 def limits_wire(limits: Mapping[str, LimitSlope]) -> list[dict[str, Any]]:
@@ -20,7 +20,7 @@ def limits_wire(limits: Mapping[str, LimitSlope]) -> list[dict[str, Any]]:
 
 def limit_costs(
     motions: Mapping[int, list[dict[str, Any]]], shares: Mapping[int, float], of_design: list[dict[str, Any]]
-) -> list[wire.LimitCost]:
+) -> list[LimitCost]:
     """Costs over the tasks, the largest for one percent first.
 
     Parameters
@@ -42,10 +42,10 @@ def limit_costs(
     return sorted(costs, key=lambda cost: -cost.gain_per_percent)
 
 
-def _cost(name: str, found: list[tuple[int | None, dict[str, Any]]]) -> wire.LimitCost:
+def _cost(name: str, found: list[tuple[int | None, dict[str, Any]]]) -> LimitCost:
     values = {limit["value"] for _, limit in found}
     slope = sum(limit["slope"] for _, limit in found)
-    return wire.LimitCost(
+    return LimitCost(
         name=name,
         value=values.pop() if len(values) == 1 else None,
         unit=found[0][1]["unit"],

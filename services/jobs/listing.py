@@ -15,7 +15,7 @@ from services.codesign.comparison import OWN
 from services.jobs.owners import Owner, owned_by
 from services.jobs.resolved import late_methods
 from services.jobs.views import UNITS, iso_time
-from shared.contracts import results as wire
+from shared.contracts.states import ApplicationItem, ApplicationList, TotalResult
 from shared.db.engine import reading
 from shared.db.tables import Application, Job, Result
 from shared.domain import ApplicationState, JobState, Stage
@@ -42,13 +42,13 @@ class _Figures:
     """Tasks solved and the sum of their objectives, by method."""
 
 
-def list_applications(engine: Engine, cursor: str | None, limit: int, filters: Filters) -> wire.ApplicationList:
+def list_applications(engine: Engine, cursor: str | None, limit: int, filters: Filters) -> ApplicationList:
     """Newest first; `cursor` is the id after which to go on."""
     with reading(engine) as session:
         rows = _page(session, cursor, limit + 1, filters)
         figures = _figures(session, [row.id for row in rows[:limit]])
     items = [_item(row, figures[row.id]) for row in rows[:limit]]
-    return wire.ApplicationList(items=items, next_cursor=items[-1].id if len(rows) > limit else None)
+    return ApplicationList(items=items, next_cursor=items[-1].id if len(rows) > limit else None)
 
 
 def _page(session: Session, cursor: str | None, limit: int, filters: Filters) -> Sequence[Row[Any]]:
@@ -97,9 +97,9 @@ def _figures(session: Session, ids: Sequence[str]) -> dict[str, _Figures]:
     return figures
 
 
-def _item(row: Row[Any], figures: _Figures) -> wire.ApplicationItem:
+def _item(row: Row[Any], figures: _Figures) -> ApplicationItem:
     tasks = figures.by_stage[Stage.CODESIGN]
-    return wire.ApplicationItem(
+    return ApplicationItem(
         id=row.id,
         name=row.name,
         state=row.state,
@@ -126,10 +126,10 @@ def _total(row: Row[Any], figures: _Figures, tasks: int) -> int:
     return tasks + (counted[Stage.RECONCILE] or 1) + motions + shared
 
 
-def _best(row: Row[Any], figures: _Figures) -> wire.TotalResult | None:
+def _best(row: Row[Any], figures: _Figures) -> TotalResult | None:
     """The application's method, or until it has motions, the tasks' own designs."""
     for method in (row.methods[0], OWN):
         if method in figures.totals:
             tasks, value = figures.totals[method]
-            return wire.TotalResult(method=method, tasks=tasks, value=value, unit=UNITS[row.objective])
+            return TotalResult(method=method, tasks=tasks, value=value, unit=UNITS[row.objective])
     return None

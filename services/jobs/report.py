@@ -13,7 +13,7 @@ from services.jobs import results, views
 from services.jobs.views import NotFoundError
 from services.report.answers import Answers, middle_task
 from services.report.page import Report
-from shared.contracts.results import TaskList, Trajectory
+from shared.contracts.motions import TaskList, Trajectory
 
 Found = TypeVar("Found")
 

@@ -19,7 +19,19 @@ from services.jobs.limit_costs import limit_costs
 from services.jobs.resolved import ResolvedApplication
 from services.jobs.store import MOTION_STAGES, results_of
 from services.jobs.views import NotFoundError, load, objective_unit, require_task
-from shared.contracts import results as wire
+from shared.contracts.comparisons import (
+    ComparisonAnswer,
+    DesignAnswer,
+    DesignsAnswer,
+    LimitCost,
+    MethodTotals,
+    OwnDesign,
+    Regret,
+    ScatteredTask,
+    SharedDesign,
+    Spread,
+)
+from shared.contracts.motions import SolverIteration, SolverLog, SolverPoint, Trajectory, VoltageControl
 from shared.db.engine import reading
 from shared.db.tables import Application, Design, Result
 from shared.domain import Stage
@@ -30,7 +42,7 @@ CONTROL = {
 }
 
 
-def design(engine: Engine, application_id: str, method: str | None = None) -> wire.DesignAnswer:
+def design(engine: Engine, application_id: str, method: str | None = None) -> DesignAnswer:
     """The application's design, or that of one of its other methods."""
     with reading(engine) as session:
         application, resolved = load(session, application_id)
@@ -38,7 +50,7 @@ def design(engine: Engine, application_id: str, method: str | None = None) -> wi
         stored = session.get(Design, (application.id, application.generation, name))
         if stored is None or name not in resolved.methods:
             raise NotFoundError(_no_design(application, resolved, name))
-    return wire.DesignAnswer(
+    return DesignAnswer(
         application_id=application_id,
         method=name,
         motors=stored.content["motors"],
@@ -53,16 +65,16 @@ def _no_design(application: Application, resolved: ResolvedApplication, name: st
     return f"there is no design of method {name}; the application is {application.state}"
 
 
-def designs(engine: Engine, application_id: str) -> wire.DesignsAnswer:
+def designs(engine: Engine, application_id: str) -> DesignsAnswer:
     """Every task's own design, the mean, and each method's."""
     with reading(engine) as session:
         application, resolved = load(session, application_id)
         own = results_of(session, application, Stage.CODESIGN)
         shared = _shared_designs(session, application)
-    return wire.DesignsAnswer(
+    return DesignsAnswer(
         dimensions=list(DIMENSIONS),
         tasks=[
-            wire.OwnDesign(
+            OwnDesign(
                 index=r.task_index,
                 name=resolved.tasks[r.task_index].name,
                 design_mm=r.summary["design_mm"],
@@ -83,11 +95,11 @@ def _shared_designs(session: Session, application: Application) -> dict[str, dic
     return {row.kind: row.content for row in rows}
 
 
-def _shared_design(content: dict[str, Any] | None) -> wire.SharedDesign | None:
-    return None if content is None else wire.SharedDesign.model_validate(content)
+def _shared_design(content: dict[str, Any] | None) -> SharedDesign | None:
+    return None if content is None else SharedDesign.model_validate(content)
 
 
-def comparison(engine: Engine, application_id: str) -> wire.ComparisonAnswer:
+def comparison(engine: Engine, application_id: str) -> ComparisonAnswer:
     """Methods side by side over the tasks that all of them solved, and their regret."""
     with reading(engine) as session:
         application, resolved = load(session, application_id)
@@ -101,7 +113,7 @@ def comparison(engine: Engine, application_id: str) -> wire.ComparisonAnswer:
         for name, results in present.items()
     }
     sums = compare(values.pop(OWN, []), values)
-    return wire.ComparisonAnswer(
+    return ComparisonAnswer(
         objective=resolved.objective.kind,
         unit=objective_unit(resolved),
         tasks_compared=list(sums.counted),
@@ -113,7 +125,7 @@ def comparison(engine: Engine, application_id: str) -> wire.ComparisonAnswer:
             for name, results in present.items()
         },
         regret={
-            name: wire.Regret(total=sums.total_regret[name], per_task=[sums.regret[name][k] for k in sums.counted])
+            name: Regret(total=sums.total_regret[name], per_task=[sums.regret[name][k] for k in sums.counted])
             for name in values
         },
         judged={
@@ -145,11 +157,11 @@ MEASURES = ("objective", "final_time_s", "energy_V2s", "electrical_energy_J", "c
 
 def _totals(
     resolved: ResolvedApplication, results: dict[int, dict[str, Any]], design_mm: list[list[float]] | None
-) -> wire.MethodTotals:
+) -> MethodTotals:
     summaries = list(results.values())
     totals = {name: sum(summary[name] for summary in summaries) for name in MEASURES}
     worst = max(results, key=lambda k: float(results[k]["objective"]), default=None)
-    return wire.MethodTotals(
+    return MethodTotals(
         weighted_objective=sum(resolved.tasks[k].weight * summary["objective"] for k, summary in results.items()),
         worst_objective=0.0 if worst is None else results[worst]["objective"],
         worst_task=worst,
@@ -165,30 +177,30 @@ def _totals(
 
 def _scattered(
     resolved: ResolvedApplication, counted: Sequence[int], present: Mapping[str, dict[int, dict[str, Any]]]
-) -> Iterator[wire.ScatteredTask]:
+) -> Iterator[ScatteredTask]:
     """The tasks as given, each over its samples that every method solved."""
     for place, name in enumerate(resolved.given_tasks):
         samples = [k for k in counted if resolved.given_task_of(k) == place]
         if samples:
             methods = {m: _spread([float(results[k]["objective"]) for k in samples]) for m, results in present.items()}
-            yield wire.ScatteredTask(name=name, samples=len(samples), methods=methods)
+            yield ScatteredTask(name=name, samples=len(samples), methods=methods)
 
 
-def _spread(values: list[float]) -> wire.Spread:
+def _spread(values: list[float]) -> Spread:
     deviation = statistics.stdev(values) if len(values) > 1 else 0.0
-    return wire.Spread(mean=statistics.fmean(values), standard_deviation=deviation, largest=max(values))
+    return Spread(mean=statistics.fmean(values), standard_deviation=deviation, largest=max(values))
 
 
 def _limits(
     resolved: ResolvedApplication, results: dict[int, dict[str, Any]], stored: dict[str, Any]
-) -> list[wire.LimitCost]:
+) -> list[LimitCost]:
     deciding = {task["index"]: task["share"] for task in stored.get("deciding_tasks") or []}
     shares = resolved.shares_of_tasks({k: summary["objective"] for k, summary in results.items()}, deciding)
     motions = {k: summary.get("limits", []) for k, summary in results.items()}
     return limit_costs(motions, shares, stored.get("limits") or [])
 
 
-def log(engine: Engine, application_id: str, task: int, method: str | None) -> wire.SolverLog:
+def log(engine: Engine, application_id: str, task: int, method: str | None) -> SolverLog:
     """How the solver came to a motion, or failed to."""
     with reading(engine) as session:
         application, resolved = load(session, application_id)
@@ -197,11 +209,11 @@ def log(engine: Engine, application_id: str, task: int, method: str | None) -> w
     if found is None:
         raise NotFoundError(f"task {task} has not been solved with method {name}")
     iterations = [
-        wire.SolverIteration(attempt=attempt, iteration=iteration, objective=objective)
+        SolverIteration(attempt=attempt, iteration=iteration, objective=objective)
         for attempt, iteration, objective in found.log
     ]
     how = found.summary
-    return wire.SolverLog(
+    return SolverLog(
         application_id=application_id,
         task=task,
         method=name,
@@ -227,7 +239,7 @@ def _result(
     ).one_or_none()
 
 
-def trajectory(engine: Engine, application_id: str, task: int, method: str | None) -> wire.Trajectory:
+def trajectory(engine: Engine, application_id: str, task: int, method: str | None) -> Trajectory:
     """A motion on its grid: the task's own (method `own`), or with a method's design (default: the application's)."""
     with reading(engine) as session:
         application, resolved = load(session, application_id)
@@ -237,7 +249,7 @@ def trajectory(engine: Engine, application_id: str, task: int, method: str | Non
         why = "" if found is None or found.summary.get("reason") is None else f": {found.summary['reason']}"
         raise NotFoundError(f"there is no motion of task {task} with method {name}{why}")
     motion, design = unpack_motion(found.arrays)
-    return wire.Trajectory(
+    return Trajectory(
         application_id=application_id,
         task=task,
         method=name,
@@ -257,7 +269,7 @@ def trajectory(engine: Engine, application_id: str, task: int, method: str | Non
     )
 
 
-def solver_point(engine: Engine, application_id: str, task: int, method: str | None) -> wire.SolverPoint:
+def solver_point(engine: Engine, application_id: str, task: int, method: str | None) -> SolverPoint:
     """The point and multipliers of a motion, for whoever checks that it is optimal."""
     with reading(engine) as session:
         application, resolved = load(session, application_id)
@@ -267,7 +279,7 @@ def solver_point(engine: Engine, application_id: str, task: int, method: str | N
         raise NotFoundError(f"there is no motion of task {task} with method {name}")
     arrays, certificate = unpack(found.arrays), found.summary["certificate"]
     breaks = unpack_law(found.arrays).breaks
-    return wire.SolverPoint(
+    return SolverPoint(
         application_id=application_id,
         task=task,
         method=name,
@@ -284,12 +296,12 @@ def inputs(engine: Engine, application_id: str) -> ResolvedApplication:
     return resolved
 
 
-def _control(law: VoltageLaw) -> wire.VoltageControl:
+def _control(law: VoltageLaw) -> VoltageControl:
     constant = law.voltage_d.shape[1] == 1
     kind: Literal["piecewise_constant", "piecewise_polynomial"] = (
         "piecewise_constant" if constant else "piecewise_polynomial"
     )
-    return wire.VoltageControl(
+    return VoltageControl(
         kind=kind,
         description=CONTROL[kind],
         breaks_s=law.breaks.tolist(),

@@ -12,7 +12,8 @@ from sqlalchemy.orm import Session
 from services.jobs.plan import planned_jobs
 from services.jobs.resolved import SHARED, ResolvedApplication
 from services.jobs.stop_search import searches
-from shared.contracts import results as wire
+from shared.contracts.motions import MotionResult, TaskList, TaskResult
+from shared.contracts.states import ApplicationStatus, ExcludedTask, LatestResult, Progress, StageProgress, Timings
 from shared.db.clock import now
 from shared.db.engine import reading
 from shared.db.tables import Application, Job, Result
@@ -39,11 +40,11 @@ def load(session: Session, application_id: str) -> tuple[Application, ResolvedAp
     return application, ResolvedApplication.model_validate(application.resolved)
 
 
-def status(engine: Engine, application_id: str) -> wire.ApplicationStatus:
+def status(engine: Engine, application_id: str) -> ApplicationStatus:
     """An application as it stands."""
     with reading(engine) as session:
         application, resolved = load(session, application_id)
-        return wire.ApplicationStatus(
+        return ApplicationStatus(
             id=application.id,
             name=application.name,
             state=application.state,
@@ -67,16 +68,16 @@ def status(engine: Engine, application_id: str) -> wire.ApplicationStatus:
         )
 
 
-def tasks(engine: Engine, application_id: str, start: int, limit: int) -> wire.TaskList:
+def tasks(engine: Engine, application_id: str, start: int, limit: int) -> TaskList:
     """Tasks `start`, `start` + 1, ... with their results so far."""
     with reading(engine) as session:
         application, resolved = load(session, application_id)
         start, stop = (min(end, len(resolved.tasks)) for end in (start, start + limit))
         items = _tasks(session, application, resolved, range(start, stop))
-    return wire.TaskList(items=items, next_cursor=str(stop) if stop < len(resolved.tasks) else None)
+    return TaskList(items=items, next_cursor=str(stop) if stop < len(resolved.tasks) else None)
 
 
-def task(engine: Engine, application_id: str, index: int) -> wire.TaskResult:
+def task(engine: Engine, application_id: str, index: int) -> TaskResult:
     """One task."""
     with reading(engine) as session:
         application, resolved = load(session, application_id)
@@ -97,7 +98,7 @@ def require_task(resolved: ResolvedApplication, index: int) -> None:
 
 def _tasks(
     session: Session, application: Application, resolved: ResolvedApplication, indices: range
-) -> list[wire.TaskResult]:
+) -> list[TaskResult]:
     of_range = (
         Job.application_id == application.id,
         Job.generation == application.generation,
@@ -122,7 +123,7 @@ def _tasks(
 
 def _task(
     resolved: ResolvedApplication, index: int, jobs: list[Any], summaries: dict[tuple[int, str, str], dict[str, Any]]
-) -> wire.TaskResult:
+) -> TaskResult:
     asked = resolved.tasks[index]
     own = summaries.get((index, Stage.CODESIGN, ""), {})
     late = dict.fromkeys(resolved.late_methods, Stage.SHARED_MOTIONS)
@@ -130,7 +131,7 @@ def _task(
         method: summaries.get((index, late.get(method, Stage.MOTIONS), method), {}) for method in resolved.methods
     }
     reasons = [job.reason for job in sorted(jobs, key=lambda job: str(job.stage)) if job.reason]
-    return wire.TaskResult(
+    return TaskResult(
         index=index,
         name=asked.name,
         payload_kg=asked.payload_kg,
@@ -145,9 +146,9 @@ def _task(
     )
 
 
-def motion_result(summary: dict[str, Any]) -> wire.MotionResult | None:
+def motion_result(summary: dict[str, Any]) -> MotionResult | None:
     """A stored summary as people get it; None when its solve failed."""
-    return wire.MotionResult.model_validate(summary) if "final_time_s" in summary else None
+    return MotionResult.model_validate(summary) if "final_time_s" in summary else None
 
 
 def _task_state(states: list[JobState]) -> str:
@@ -158,7 +159,7 @@ def _task_state(states: list[JobState]) -> str:
     return JobState.SUCCEEDED if states else JobState.QUEUED
 
 
-def _progress(session: Session, application: Application, resolved: ResolvedApplication) -> wire.Progress:
+def _progress(session: Session, application: Application, resolved: ResolvedApplication) -> Progress:
     counts: dict[str, Counter[str]] = defaultdict(Counter)
     rows = session.execute(
         select(Job.stage, Job.state, func.count())
@@ -169,13 +170,13 @@ def _progress(session: Session, application: Application, resolved: ResolvedAppl
         counts[stage][state] = count
     planned = planned_jobs(resolved)
     stages = [
-        wire.StageProgress(name=stage, total=sum(counts[stage].values()) or total, **counts[stage])
+        StageProgress(name=stage, total=sum(counts[stage].values()) or total, **counts[stage])
         for stage, total in planned.items()
     ]
     finished = application.finished_at is not None
     done = sum(s.succeeded + s.failed + s.dead + s.cancelled for s in stages)
     total = sum(s.queued + s.running for s in stages) + done if finished else sum(s.total for s in stages)
-    return wire.Progress(
+    return Progress(
         stages=stages,
         done=done,
         total=total,
@@ -205,7 +206,7 @@ def _time_left(session: Session, application: Application, done: int, total: int
 
 def _result(
     session: Session, application: Application, resolved: ResolvedApplication, *, latest: bool
-) -> wire.LatestResult | None:
+) -> LatestResult | None:
     statement = (
         select(Result.task_index, Result.stage, Result.method, Result.value)
         .join(Job, Job.id == Result.job_id)
@@ -220,7 +221,7 @@ def _result(
     row = session.execute(statement).one_or_none()
     if row is None:
         return None
-    return wire.LatestResult(
+    return LatestResult(
         task=resolved.tasks[row.task_index].name,
         task_index=row.task_index,
         stage=row.stage,
@@ -235,7 +236,7 @@ def objective_unit(resolved: ResolvedApplication) -> str:
     return UNITS[resolved.objective.kind]
 
 
-def _excluded(session: Session, application: Application, resolved: ResolvedApplication) -> list[wire.ExcludedTask]:
+def _excluded(session: Session, application: Application, resolved: ResolvedApplication) -> list[ExcludedTask]:
     rows = session.execute(
         select(Job.task_index, Job.reason)
         .where(
@@ -247,12 +248,11 @@ def _excluded(session: Session, application: Application, resolved: ResolvedAppl
         .order_by(Job.task_index)
     )
     return [
-        wire.ExcludedTask(index=row.task_index, name=resolved.tasks[row.task_index].name, reason=row.reason)
-        for row in rows
+        ExcludedTask(index=row.task_index, name=resolved.tasks[row.task_index].name, reason=row.reason) for row in rows
     ]
 
 
-def _timings(session: Session, application: Application) -> wire.Timings:
+def _timings(session: Session, application: Application) -> Timings:
     jobs = (Job.application_id == application.id, Job.generation == application.generation)
     first, last, worked = session.execute(
         select(func.min(Job.started_at), func.max(Job.finished_at), func.sum(Job.finished_at - Job.started_at)).where(
@@ -265,7 +265,7 @@ def _timings(session: Session, application: Application) -> wire.Timings:
         )
     )
     wall = None if first is None or last is None else last - first
-    return wire.Timings(solver_time_s=solved or 0.0, worker_time_s=worked or 0.0, wall_time_s=wall)
+    return Timings(solver_time_s=solved or 0.0, worker_time_s=worked or 0.0, wall_time_s=wall)
 
 
 def iso_time(seconds: float | None) -> str | None:

@@ -11,14 +11,9 @@ from pydantic import BaseModel
 
 from services.codesign.motor_data import MotorData
 from services.codesign.robot import Robot, preset_names
-from shared.contracts.results import (
-    ApplicationStatus,
-    ComparisonAnswer,
-    DesignAnswer,
-    DesignsAnswer,
-    TaskList,
-    Trajectory,
-)
+from shared.contracts.comparisons import ComparisonAnswer, DesignAnswer, DesignsAnswer
+from shared.contracts.motions import TaskList, Trajectory
+from shared.contracts.states import ApplicationStatus
 
 Answer = TypeVar("Answer", bound=BaseModel)
 

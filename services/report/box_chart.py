@@ -28,7 +28,7 @@ from services.report.style import (
     new_figure,
     shade_outside,
 )
-from shared.contracts.results import DesignsAnswer, SharedDesign
+from shared.contracts.comparisons import DesignsAnswer, SharedDesign
 
 PAPER_DIMENSIONS = ("L", "R_so")
 """The two that the paper shows."""

@@ -14,7 +14,7 @@ from matplotlib.patches import Circle, Patch, Polygon, Rectangle
 from services.codesign.motor_data import DIMENSIONS, MotorData
 from services.report.section_geometry import MotorSection, Outline, motor_section
 from services.report.style import DIMENSION_NAMES, DIMENSION_SYMBOLS, INK, QUIET, method_name
-from shared.contracts.results import DesignAnswer
+from shared.contracts.comparisons import DesignAnswer
 
 STATOR_IRON, ROTOR_IRON, COPPER, NORTH, SOUTH, AIR = "#9fabb3", "#c3cacf", "#c98745", "#b5483a", "#4a6f9c", "#ffffff"
 EDGE: dict[str, Any] = {"edgecolor": INK, "linewidth": 0.4}

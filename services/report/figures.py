@@ -17,7 +17,8 @@ from services.report.motion_chart import motion_chart
 from services.report.motion_limits import motion_limits
 from services.report.style import Format, save, style
 from services.report.totals_chart import objective_label, totals_chart
-from shared.contracts.results import DesignsAnswer, MotionResult, Trajectory
+from shared.contracts.comparisons import DesignsAnswer
+from shared.contracts.motions import MotionResult, Trajectory
 
 FEWEST_FOR_BOXES = 3
 """Quartiles of fewer designs say nothing."""

@@ -14,7 +14,8 @@ from matplotlib.patches import Rectangle
 from services.codesign.comparison import OWN
 from services.report.style import IMPROVEMENT, INK, OUTSIDE, QUIET, method_name, new_figure
 from shared.contracts.application import GridRequest
-from shared.contracts.results import ComparisonAnswer, TaskList, TaskResult
+from shared.contracts.comparisons import ComparisonAnswer
+from shared.contracts.motions import TaskList, TaskResult
 
 CELL_WIDTH, CELL_HEIGHT = 0.6, 0.42  # inches
 NARROWEST, LOWEST = 3.0, 1.7  # inches: room for a title, and beside the colours for their label

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from services.report.motion_limits import MotionLimits
 from services.report.style import BLUE, INK, ORANGE, QUIET, light_grid, method_name, new_figure, shade_outside
-from shared.contracts.results import Trajectory
+from shared.contracts.motions import Trajectory
 
 COLUMN, ROW = 2.0, 1.45  # inches
 HEADROOM = 1.12

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from services.codesign.robot import Robot
-from shared.contracts.results import MotionResult, Trajectory
+from shared.contracts.motions import MotionResult, Trajectory
 
 SERIES = {
     "rotor_speed": "joint_speed_rad_s",

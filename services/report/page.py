@@ -33,7 +33,7 @@ from services.report.report_tables import (
 )
 from services.report.style import method_name, style
 from services.report.words import METHODS, limit_words, objective_words
-from shared.contracts.results import DesignAnswer
+from shared.contracts.comparisons import DesignAnswer
 
 _CAPTIONS = {
     "motors": "The design: every motor cut across and along its axis, to one scale, with its dimensions.",

@@ -11,7 +11,9 @@ from services.codesign.robot import Robot
 from services.report.html_table import NOTHING, HtmlTable, number, percent, small, vector
 from services.report.style import DIMENSION_NAMES, method_name
 from services.report.words import QUANTITIES
-from shared.contracts.results import Certificate, ComparisonAnswer, DesignAnswer, MotionResult, TaskList, TaskResult
+from shared.contracts.certificates import Certificate
+from shared.contracts.comparisons import ComparisonAnswer, DesignAnswer
+from shared.contracts.motions import MotionResult, TaskList, TaskResult
 
 
 def robot_table(robot: Robot) -> HtmlTable:

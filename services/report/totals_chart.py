@@ -11,7 +11,7 @@ from matplotlib.ticker import StrMethodFormatter
 from services.codesign.comparison import OWN
 from services.report.heat_map import signed
 from services.report.style import CHOSEN, INK, QUIET, light_grid, method_name, new_figure
-from shared.contracts.results import ComparisonAnswer
+from shared.contracts.comparisons import ComparisonAnswer
 
 BAR_HEIGHT = 0.62
 OTHER = "#a9b4bb"

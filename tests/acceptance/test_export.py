@@ -21,7 +21,7 @@ from armature.client import Client
 from armature.export.motion_columns import QUANTITIES, joint_acceleration
 from armature.processes import Place, Service, running_service
 from services.codesign.robot import Robot
-from shared.contracts.results import Trajectory
+from shared.contracts.motions import Trajectory
 from shared.settings import Settings
 from tests.conftest import home_with_kernels
 from tests.numerics.arms import State, Tree

@@ -17,7 +17,8 @@ from armature.export.files import Format, write_designs, write_motion
 from armature.export.motion_columns import QUANTITIES, joint_acceleration
 from armature.export.ros import duration
 from services.codesign.collocation import collocation_points
-from shared.contracts.results import DesignsAnswer, Trajectory
+from shared.contracts.comparisons import DesignsAnswer
+from shared.contracts.motions import Trajectory
 
 JOINTS, INTERVALS, FINAL_TIME_S = 3, 7, 0.7368294716
 DESIGNS = DesignsAnswer.model_validate(

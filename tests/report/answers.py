@@ -10,9 +10,20 @@ import numpy as np
 from services.codesign.design_sheet import motor_sheet
 from services.codesign.motor_data import DIMENSIONS, MotorData
 from services.report.answers import Answers
-from shared.contracts import results as wire
 from shared.contracts.application import GridRequest, ObjectiveRequest
-from shared.contracts.results import ComparisonAnswer, LimitCost, MethodTotals, Regret, Trajectory, VoltageControl
+from shared.contracts.certificates import Certificate
+from shared.contracts.comparisons import (
+    ComparisonAnswer,
+    DesignAnswer,
+    DesignsAnswer,
+    LimitCost,
+    MethodTotals,
+    OwnDesign,
+    Regret,
+    SharedDesign,
+)
+from shared.contracts.motions import MotionResult, TaskList, TaskResult, Trajectory, VoltageControl
+from shared.contracts.states import ApplicationStatus, Progress, Timings
 
 GRID = GridRequest(stroke=[0.5, 1.0], payload_kg=[0.0, 3.0])
 NAMES = ["0.5 rad, 0 kg", "0.5 rad, 3 kg", "1 rad, 0 kg", "1 rad, 3 kg"]
@@ -70,11 +81,11 @@ def motion(task: int = 3, method: str = "two_step") -> Trajectory:
     )
 
 
-def result(value: float) -> wire.MotionResult:
+def result(value: float) -> MotionResult:
     """What belongs to `motion`."""
     half = ("rotor_speed", "joint_torque", "current_q", "voltage_q")
     shares = {name: [0.5, 0.0] if name in half else [0.0, 0.0] for name in (*half, "current_d", "voltage_d")}
-    return wire.MotionResult(
+    return MotionResult(
         objective=value,
         final_time_s=value,
         energy_V2s=10 * value,
@@ -83,7 +94,7 @@ def result(value: float) -> wire.MotionResult:
         recovered_energy_J=[0.0, 0.0],
         peaks=shares,
         rms=shares,
-        certificate=wire.Certificate(kkt_residual=1e-9, limit_violation=0.0),
+        certificate=Certificate(kkt_residual=1e-9, limit_violation=0.0),
         design_mm=[TABLE_I_MM, SMALL_MM],
         solver_status="Solve_Succeeded",
         iterations=10,
@@ -91,10 +102,10 @@ def result(value: float) -> wire.MotionResult:
     )
 
 
-def tasks() -> wire.TaskList:
+def tasks() -> TaskList:
     """Every task with its results."""
     items = [
-        wire.TaskResult(
+        TaskResult(
             index=k,
             name=name,
             payload_kg=0.0,
@@ -105,7 +116,7 @@ def tasks() -> wire.TaskList:
         )
         for k, name in enumerate(NAMES)
     ]
-    return wire.TaskList(items=items, next_cursor=None)
+    return TaskList(items=items, next_cursor=None)
 
 
 def comparison() -> ComparisonAnswer:
@@ -167,38 +178,38 @@ def limit_cost(
     )
 
 
-def designs() -> wire.DesignsAnswer:
+def designs() -> DesignsAnswer:
     """Own designs, and one for each method."""
     own = own_designs_mm()
     mean = np.mean(own, axis=0).tolist()
-    return wire.DesignsAnswer(
+    return DesignsAnswer(
         dimensions=list(DIMENSIONS),
-        tasks=[wire.OwnDesign(index=k, name=NAMES[k], design_mm=design) for k, design in enumerate(own)],
-        mean=wire.SharedDesign(design_mm=mean),
+        tasks=[OwnDesign(index=k, name=NAMES[k], design_mm=design) for k, design in enumerate(own)],
+        mean=SharedDesign(design_mm=mean),
         methods={
-            "two_step": wire.SharedDesign(design_mm=mean),
-            "empirical": wire.SharedDesign(design_mm=own[2], task=2),
-            "worst_case": wire.SharedDesign(design_mm=own[3], task=3),
+            "two_step": SharedDesign(design_mm=mean),
+            "empirical": SharedDesign(design_mm=own[2], task=2),
+            "worst_case": SharedDesign(design_mm=own[3], task=3),
         },
     )
 
 
-def design() -> wire.DesignAnswer:
+def design() -> DesignAnswer:
     """The design sheet of Table I's motor and a smaller one."""
     rows = [TABLE_I_MM, SMALL_MM]
     motors = [motor_sheet(k, np.array(row) / 1e3, MOTOR) for k, row in enumerate(rows)]
-    return wire.DesignAnswer(application_id="a", method="two_step", motors=motors, design_mm=rows)
+    return DesignAnswer(application_id="a", method="two_step", motors=motors, design_mm=rows)
 
 
-def application() -> wire.ApplicationStatus:
+def application() -> ApplicationStatus:
     """The application itself."""
-    return wire.ApplicationStatus(
+    return ApplicationStatus(
         id="a",
         name="made up",
         state="succeeded",
         reason=None,
         cancel_requested=False,
-        progress=wire.Progress(stages=[], done=0, total=0, eta_s=None),
+        progress=Progress(stages=[], done=0, total=0, eta_s=None),
         objective=ObjectiveRequest(kind="time"),
         method="two_step",
         methods=["two_step", "empirical", "worst_case"],
@@ -206,7 +217,7 @@ def application() -> wire.ApplicationStatus:
         tasks=4,
         grid=GRID,
         excluded_tasks=[],
-        timings=wire.Timings(solver_time_s=1.0, worker_time_s=1.0, wall_time_s=1.0),
+        timings=Timings(solver_time_s=1.0, worker_time_s=1.0, wall_time_s=1.0),
         created_at="",
         started_at=None,
         finished_at=None,

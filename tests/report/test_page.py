@@ -20,7 +20,7 @@ from services.report.page import Report, report_page, request_hash
 from services.report.report_tables import certificate_table, limit_tables, result_table, totals_table
 from services.report.style import new_figure, style
 from services.report.words import limit_words
-from shared.contracts.results import SharedDesign
+from shared.contracts.comparisons import SharedDesign
 from tests.report import answers as made_up
 
 REQUEST: dict[str, Any] = {"name": "made up <i>", "robot": {"name": "µ-arm"}, "tasks": [{"start_rad": [0.1, 1e-3]}]}

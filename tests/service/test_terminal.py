@@ -13,7 +13,9 @@ from armature.cli.exit_codes import exit_code_of
 from armature.cli.heat_map import heat_maps
 from armature.cli.reference import Reference
 from armature.progress import PlainProgress, current_stage, duration
-from shared.contracts.results import ApplicationStatus, ComparisonAnswer, MethodTotals, Regret, TaskResult
+from shared.contracts.comparisons import ComparisonAnswer, MethodTotals, Regret
+from shared.contracts.motions import TaskResult
+from shared.contracts.states import ApplicationStatus
 from shared.domain import ApplicationState
 
 GRID = {"stroke": [0.2, 1.0], "payload_kg": [0.0, 4.0]}
