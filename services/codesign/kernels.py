@@ -13,6 +13,7 @@ import hashlib
 import json
 import os
 import platform
+import re
 import shutil
 import subprocess
 import tempfile
@@ -47,24 +48,10 @@ LANES_FLAGS = ("-march=native",)
 
 BUILD_LOCK_SUFFIX = ".lock"
 
-_SHAPING_SOURCES = (
-    "arm.py",
-    "collocation.py",
-    "forward_dynamics.py",
-    "friction.py",
-    "interval.py",
-    "inverse_dynamics.py",
-    "kept.py",
-    "kernels.py",
-    "lanes.py",
-    "motor.py",
-    "motor_data.py",
-    "robot.py",
-    "spatial.py",
-)
-
-_SOURCES = {path.name: path.read_text() for path in Path(__file__).parent.glob("*.py")}
+_SOURCES = {path.stem: path.read_text() for path in Path(__file__).parent.glob("*.py")}
 """As imported: a key made from files that were edited since would name a library of other code."""
+
+_IMPORT = re.compile(r"^from services\.codesign\.(\w+) import", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -191,12 +178,12 @@ def being_built(cache: Path) -> bool:
 
 def cache_key(robot: Robot, layout: IntervalLayout) -> str:
     """Hash of everything that shapes the code: arm, layout, model sources, CasADi, compiler flags, machine."""
-    return library_key(robot, asdict(layout), _SHAPING_SOURCES)
+    return library_key(robot, asdict(layout), "kernels")
 
 
-def library_key(robot: Robot, form: Any, modules: Iterable[str]) -> str:
-    """Hash of an arm's numbers, a form (JSON), the sources of modules beside this one, CasADi and the compiler."""
-    sources = [_SOURCES[name] for name in modules]
+def library_key(robot: Robot, form: Any, module: str) -> str:
+    """Hash of an arm's numbers, a form (JSON), a module's and its imports' sources, CasADi and the compiler."""
+    sources = [_SOURCES[name] for name in made_of(module)]
     shape = [
         _shaping_numbers(robot),
         form,
@@ -207,6 +194,17 @@ def library_key(robot: Robot, form: Any, modules: Iterable[str]) -> str:
         sources,
     ]
     return hashlib.sha256(json.dumps(shape, sort_keys=True).encode()).hexdigest()[:32]
+
+
+@functools.cache
+def made_of(module: str) -> list[str]:
+    """A module beside this one and all those that it imports, followed to the end; sorted."""
+    found: set[str] = set()
+    waiting = {module}
+    while waiting:
+        found |= waiting
+        waiting = {name for each in waiting for name in _IMPORT.findall(_SOURCES[each])} - found
+    return sorted(found)
 
 
 @functools.cache

@@ -13,11 +13,13 @@ import numpy as np
 import pytest
 
 from services.codesign import kernels as kernels_module
+from services.codesign import plant as plant_module
 from services.codesign.interval import CONTROLS, IntervalLayout
 from services.codesign.kept import Kept
 from services.codesign.kernels import OVER_LANES, SHARED_INPUTS, Kernels, cache_key, load_kernels
 from services.codesign.lanes import LANES, lanes_source
 from services.codesign.motor_data import CONSTRAINTS, MotorData
+from services.codesign.plant import plant_key
 from services.codesign.robot import Robot
 from tests.numerics.arms import random_robot
 
@@ -280,21 +282,27 @@ def test_key_changes_with_flags_and_sources(monkeypatch, tmp_path):
     monkeypatch.setattr(kernels_module, "COMPILER_FLAGS", ("-O2",))
     assert cache_key(ROBOT, LAYOUT) != before
     monkeypatch.undo()
-    monkeypatch.setattr(kernels_module, "_SHAPING_SOURCES", ("motor.py",))
+    monkeypatch.setitem(kernels_module._SOURCES, "motor_data", "")
     assert cache_key(ROBOT, LAYOUT) != before
 
 
-def test_key_holds_every_module_the_kernels_are_made_of():
-    """A change of the model must never meet an old library: the sources are the imports, followed to the end."""
-    folder = Path(kernels_module.__file__).parent
-    reached, waiting = set(), ["kernels.py"]
-    while waiting:
-        name = waiting.pop()
-        reached.add(name)
-        lines = [line.split() for line in (folder / name).read_text().splitlines()]
-        imports = [f"{w[1].rsplit('.', 1)[1]}.py" for w in lines if w[:1] == ["from"] and "services.codesign." in w[1]]
-        waiting += [name for name in imports if name not in reached]
-    assert set(kernels_module._SHAPING_SOURCES) == reached
+def test_the_plants_key_changes_with_flags_and_sources(monkeypatch):
+    before = plant_key(ROBOT)
+    monkeypatch.setattr(plant_module, "FLAGS", ("-O1",))
+    assert plant_key(ROBOT) != before
+    monkeypatch.undo()
+    monkeypatch.setitem(kernels_module._SOURCES, "motor_data", "")
+    assert plant_key(ROBOT) != before
+
+
+@pytest.mark.parametrize("module", ["kernels", "plant"])
+def test_key_holds_every_module_that_a_library_is_made_of(module):
+    """A change of the model must never meet an old library: Python itself says what is imported."""
+    script = f"import sys, services.codesign.{module}; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
+    beside = {name.rsplit(".", 1)[1] for name in loaded if name.startswith("services.codesign.")}
+    assert set(kernels_module.made_of(module)) == beside
+    assert len(beside) > 10
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,9 @@ from services.codesign import accuracy as accuracy_module
 from services.codesign.accuracy import FIRST, MOST_INTERVALS, refined, solve_accurately
 from services.codesign.certify import BALANCE_TOLERANCE, Certificate, Growth, LimitCheck, certify
 from services.codesign.motion import Motion, motors_of_design
+from services.codesign.plant import cross_implicitly
 from services.codesign.problem import Accuracy, Problem, Task, Transcription
-from services.codesign.replay import ReplayError, cross_implicitly, replay
+from services.codesign.replay import ReplayError, replay
 from services.codesign.robot import Robot
 from services.codesign.runge_kutta import Stepper
 from services.codesign.solve import Solution, SolverOptions, solve
