@@ -10,11 +10,12 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # benchmarks is no installed
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.studies.records import Record, read
-from benchmarks.studies.tables import SHARED, sections, single_designs
+from benchmarks.studies.records import Record, read, stored_sweep
+from benchmarks.studies.tables import SHARED, margin_percent, sections, single_designs
 from benchmarks.tables import put
 from services.codesign.motor_data import MotorData
 from services.report.box_chart import design_boxes
+from services.report.front_chart import front_chart
 from services.report.heat_map import signed
 from services.report.style import BLUE, IMPROVEMENT, INK, QUIET, light_grid, method_name, new_figure, save, style
 from services.report.totals_chart import totals_chart
@@ -22,18 +23,23 @@ from services.report.totals_chart import totals_chart
 PAGE = Path(__file__).parent / "shared_optimum.md"
 IMAGES = Path(__file__).parent / "images"
 FULL_COLOUR_PERCENT = 60.0
+MARKERS = {"two_step": "s", "empirical": "^", "worst_case": "o"}
 COLOURS = {"two_step": "#d98200", "empirical": "#8f4a8b", "worst_case": "#c8361d"}
 
 
 def main() -> None:
     """Write the images, then the tables between the page's markers."""
     record = read("twelve_poses")["time"]
+    front = stored_sweep("front")
+    assert front is not None, "the front has not been run: python -m benchmarks.studies.sweeps"
     with style():
         figures = {
             "shared-totals": totals_chart([record.comparison], SHARED),
             "shared-single-designs": single_design_map(record),
             "shared-designs": design_boxes(record.designs, SHARED, MotorData()),
             "shared-convergence": convergence(record),
+            "shared-applications": margins(read("twelve_applications")),
+            "shared-front": front_chart(front),
         }
     for name, figure in figures.items():
         print(save(figure, IMAGES / f"{name}.png").name)
@@ -79,6 +85,34 @@ def convergence(record: Record) -> Figure:
     axes.set_title("The joint program from its start; points on the way do not obey all constraints yet")
     light_grid(axes)
     return figure
+
+
+def margins(records: dict[str, Record]) -> Figure:
+    """How much worse than the shared optimum each other method is that does every task; crosses: it does not."""
+    figure = new_figure(8.0, 4.2)
+    axes = figure.subplots()
+    for row, record in enumerate(records.values()):
+        ours = record.judged(SHARED)
+        for name, marker in MARKERS.items():
+            theirs = record.judged(name)
+            look = {"color": COLOURS[name], "markersize": 6, "markerfacecolor": "none", "linestyle": "none"}
+            label = method_name(name) if row == 0 else None
+            if ours is not None and theirs is not None:
+                axes.plot(100 * (theirs - ours) / abs(ours), row, marker=marker, label=label, **look)
+    axes.set_xscale("symlog", linthresh=1.0)
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.set_yticks(range(len(records)), [_named(name, record) for name, record in records.items()])
+    axes.invert_yaxis()
+    axes.axvline(0, color=QUIET, linewidth=0.8)
+    axes.set_xlabel("worse than the shared optimum [%], logarithmic above 1 %")
+    axes.set_title("Methods that do every task, on twelve applications")
+    light_grid(axes, "x")
+    figure.legend(loc="outside lower right", ncols=3)
+    return figure
+
+
+def _named(name: str, record: Record) -> str:
+    return name if margin_percent(record) is not None else f"{name} (alone)"
 
 
 if __name__ == "__main__":

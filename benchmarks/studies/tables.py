@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.studies.records import RESULTS, read
+from benchmarks.studies.records import RESULTS, Record, read, stored_sweep
+from benchmarks.studies.sweeps import SWEEPS
 from benchmarks.tables import table
 from services.report.style import method_name
+from shared.contracts.sweeps import SweepPointResult, SweepStatus
 
 SHARED = "shared_optimum"
 MOST_LIMITS = 8
@@ -58,6 +60,82 @@ def largest_regrets() -> np.ndarray:
     return worst
 
 
+def applications() -> str:
+    """A row an application: what each method is judged by over all tasks, or how many it has no motion for."""
+    records = read("twelve_applications")
+    methods = ["own", SHARED, "two_step", "empirical", "worst_case"]
+    rows = []
+    for name, record in records.items():
+        margin = margin_percent(record)
+        shown = [_judged(record, method) for method in methods]
+        rows.append([name, record.comparison.unit, *shown, "-" if margin is None else f"{margin:.2g}"])
+    margins = [margin for record in records.values() if (margin := margin_percent(record)) is not None]
+    said = (
+        f"In none of the {len(records)} a method that does every task is better than the shared optimum. "
+        f"The best of these is worse by {min(margins):.2g} to {max(margins):.1f} percent."
+    )
+    return table(["application", "unit", *map(method_name, methods), "margin over the next, %"], rows) + "\n\n" + said
+
+
+def margin_percent(record: Record) -> float | None:
+    """How much worse the best other method is that does every task; None when none does."""
+    ours = record.judged(SHARED)
+    others = [record.judged(m) for m in record.objectives if m not in ("own", SHARED)]
+    known = [value for value in others if value is not None]
+    return None if ours is None or not known else 100 * (min(known) - ours) / abs(ours)
+
+
+def worst_task() -> str:
+    """The sum's optimum, the mix's and the worst task's on the same tasks."""
+    records, rows = read("worst_task"), []
+    for name, record in records.items():
+        found = record.comparison.methods[SHARED]
+        deciding = record.designs.methods[SHARED].deciding_tasks or []
+        rows.append(
+            [
+                name,
+                f"{found.weighted_objective:.4f}",
+                f"{found.worst_objective:.4f}",
+                ", ".join(f"{task.name}: {100 * task.share:.0f} %" for task in deciding) or "-",
+            ]
+        )
+    by_sum, by_worst = (records[kind].comparison.methods[SHARED] for kind in ("sum", "worst"))
+    said = (
+        f"Judged by the worst task, that task takes {_percent_less(by_worst.worst_objective, by_sum.worst_objective)} "
+        f"percent less than with the sum's design, and the weighted sum rises by "
+        f"{_slower(by_worst.weighted_objective, by_sum.weighted_objective)} percent."
+    )
+    return table(["judged by", "weighted sum, s", "worst task, s", "tasks that decide"], rows) + "\n\n" + said
+
+
+def front() -> str:
+    """Totals along alpha."""
+    head = ["alpha", "time, s", "energy, V² s", "electrical energy, J", "own designs: time, s", "energy, V² s"]
+    return table(head, [_front_row(point) for point in _sweep("front").points])
+
+
+def _front_row(point: SweepPointResult) -> list[str]:
+    ours, own = point.totals[SHARED], point.totals["own"]
+    return [
+        f"{point.values['objective.alpha']:g}",
+        f"{ours.time_s:.4f}",
+        f"{ours.energy_V2s:.0f}",
+        f"{ours.electrical_energy_J:.1f}",
+        f"{own.time_s:.4f}",
+        f"{own.energy_V2s:.0f}",
+    ]
+
+
+def gears() -> str:
+    """Totals of each method for fixed gear ratios."""
+    methods = ["own", SHARED, "two_step"]
+    rows = []
+    for point in _sweep("gears").points:
+        times = [f"{found.objective:.4f}" if (found := point.totals.get(m)) else "-" for m in methods]
+        rows.append([f"{point.values['robot_changes.gear_ratio']:g}:1", *times])
+    return table(["gear ratio", *(f"{method_name(m)}, s" for m in methods)], rows)
+
+
 def limits() -> str:
     """What relaxing each limit would bring, with the shared optimum of the twelve poses."""
     record = read("twelve_poses")["time"]
@@ -71,6 +149,16 @@ def limits() -> str:
     return table(["limit", "value", "relax", "binds in", "gain", "for 1 %, ms"], rows)
 
 
+def _sweep(study: str) -> SweepStatus:
+    found = stored_sweep(study, SWEEPS[study])
+    assert found is not None, f"benchmarks/results/{study}.json is not of the sweep that the study asks for"
+    return found
+
+
+def _percent_less(value: float, reference: float) -> str:
+    return f"{100 * (1 - value / reference):.1f}"
+
+
 def _slower(value: float | None, reference: float) -> str:
     return "-" if value is None else f"{100 * (value / reference - 1):.1f}"
 
@@ -79,8 +167,20 @@ def _figure(value: float | None) -> str:
     return "-" if value is None else f"{value:.4f}"
 
 
+def _judged(record: Record, method: str) -> str:
+    """A figure, or how many tasks have no motion."""
+    undone = record.undone(method)
+    if undone:
+        return f"{undone} of {len(record.weights)} undone"
+    return f"{record.judged(method):.6g}"
+
+
 SECTIONS: Mapping[str, Callable[[], str]] = {
     "poses": poses,
+    "applications": applications,
+    "worst task": worst_task,
+    "front": front,
+    "gears": gears,
     "limits": limits,
 }
 

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.studies import twelve_poses
-from benchmarks.studies.records import Record, read
+from benchmarks.studies import twelve_applications, twelve_poses, worst_task
+from benchmarks.studies.records import Record, read, stored_sweep
+from benchmarks.studies.sweeps import SWEEPS
 from benchmarks.studies.tables import SECTIONS, SHARED, best_single_design, largest_regrets, single_designs
 from benchmarks.tables import with_section
 
@@ -20,6 +21,8 @@ SAME_OPTIMUM = 1e-5
 
 REQUESTS = {
     **{("twelve_poses", name): request for name, request in {"time": twelve_poses.request()}.items()},
+    **{("worst_task", name): request for name, request in worst_task.requests().items()},
+    **{("twelve_applications", name): request for name, request in twelve_applications.requests().items()},
 }
 
 
@@ -60,3 +63,41 @@ def test_no_single_design_fits_the_twelve_poses() -> None:
     assert ours < best_single_design() * (1 - 0.005)
     own = [task for task in record("twelve_poses", "time").objectives["own"] if task is not None]
     np.testing.assert_allclose(np.diag(single_designs()), own, rtol=1e-4)
+
+
+def test_the_worst_task_falls_as_it_counts_for_more() -> None:
+    records = read("worst_task")
+    totals = [records[kind].comparison.methods[SHARED] for kind in ("sum", "mix", "worst")]
+    worst, weighted = [t.worst_objective for t in totals], [t.weighted_objective for t in totals]
+    assert worst[0] > worst[2] * (1 + SAME_OPTIMUM)
+    assert sorted(worst, reverse=True) == pytest.approx(worst, rel=SAME_OPTIMUM)
+    assert sorted(weighted) == pytest.approx(weighted, rel=SAME_OPTIMUM)
+
+
+@pytest.mark.parametrize("kind", ["mix", "worst"])
+def test_tasks_that_decide_are_the_slowest(kind: str) -> None:
+    found = record("worst_task", kind)
+    times = [value for value in found.objectives[SHARED] if value is not None]
+    deciding = found.designs.methods[SHARED].deciding_tasks or []
+    assert sum(task.share for task in deciding) == pytest.approx(1.0, abs=0.01)
+    assert [times[task.index] for task in deciding] == pytest.approx([max(times)] * len(deciding), rel=1e-4)
+    assert len(deciding) < len(times)
+
+
+@pytest.mark.parametrize("study", SWEEPS)
+def test_sweeps_are_of_what_is_asked_now_and_never_worse(study: str) -> None:
+    sweep = stored_sweep(study, SWEEPS[study])
+    assert sweep is not None
+    for point in sweep.points:
+        ours, theirs = point.totals[SHARED], point.totals["two_step"]
+        assert ours.tasks == point.tasks
+        assert theirs.tasks < point.tasks or ours.objective <= theirs.objective * (1 + SAME_OPTIMUM)
+
+
+def test_the_front_is_a_front() -> None:
+    """More weight on energy: no less time, no more energy."""
+    sweep = stored_sweep("front")
+    assert sweep is not None
+    totals = [point.totals[SHARED] for point in sweep.points]
+    assert np.all(np.diff([t.time_s for t in totals]) > -SAME_OPTIMUM)
+    assert np.all(np.diff([t.energy_V2s for t in totals]) < 0)
