@@ -34,10 +34,11 @@ def submit_application(
     idempotency_key: Annotated[str | None, Header(min_length=1, max_length=200)] = None,
 ) -> Accepted:
     """Validate and store an application; its jobs start as workers are free."""
-    application_id, _ = submit(ctx.engine, ctx.settings, body, idempotency_key, owner)
+    application_id, new = submit(ctx.engine, ctx.settings, body, idempotency_key, owner)
     url = f"/v1/applications/{application_id}"
     response.headers["Location"], response.headers["Retry-After"] = url, POLL_AFTER_S
-    return Accepted(id=application_id, state=views.status(ctx.engine, application_id).state, url=url)
+    state = ApplicationState.QUEUED if new else views.state_of(ctx.engine, application_id)
+    return Accepted(id=application_id, state=state, url=url)
 
 
 @router.get("")

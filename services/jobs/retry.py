@@ -9,9 +9,10 @@ from __future__ import annotations
 from sqlalchemy import Engine, delete, false, select, true, update
 from sqlalchemy.orm import Session
 
+from services.jobs.open_stage import open_stage
 from services.jobs.plan import JobSpec, NextStage
 from services.jobs.resolved import late_methods
-from services.jobs.store import lock_application, open_stage
+from services.jobs.store import lock_application
 from shared.db.engine import transaction
 from shared.db.tables import Application, Design, Job, Result, Stage
 from shared.domain import ApplicationState, JobState

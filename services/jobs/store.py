@@ -13,13 +13,14 @@ from sqlalchemy import select, update
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session, defer
 
+from services.jobs.open_stage import open_stage
 from services.jobs.plan import Done, JobSpec, NextStage, Progress, plan_next
 from services.jobs.record import job_event, prune, refuse_unknown
 from services.jobs.resolved import ResolvedApplication
 from shared.contracts.errors import printable
 from shared.db.clock import now
 from shared.db.tables import Application, Design, Event, Job, JobTransition, Outbox, Result, Stage
-from shared.domain import ApplicationState, JobState, new_id
+from shared.domain import ApplicationState, JobState
 from shared.domain import Stage as StageName
 
 MOTION_STAGES = (StageName.MOTIONS, StageName.SHARED_MOTIONS)
@@ -68,30 +69,6 @@ def record_transition(
     )
     spec = JobSpec(StageName(job.stage), job.method, job.task_index)
     emit(session, application, "job", job_event(job.id, spec, source, to))
-
-
-def open_stage(session: Session, application: Application, stage: NextStage) -> None:
-    """Create a stage with its jobs and their messages."""
-    key = {"application_id": application.id, "generation": application.generation}
-    total = len(stage.jobs)
-    session.add(Stage(**key, name=stage.stage, total=total, remaining=total))
-    jobs = [_new_job(application, spec) for spec in stage.jobs]
-    session.add_all(jobs)
-    session.flush()
-    session.add_all(Outbox(job_id=job.id, sent=0) for job in jobs)
-    emit(session, application, "stage", {"stage": stage.stage, "jobs": total})
-
-
-def _new_job(application: Application, spec: JobSpec) -> Job:
-    return Job(
-        id=new_id(),
-        application_id=application.id,
-        generation=application.generation,
-        stage=spec.stage,
-        method=spec.method,
-        task_index=spec.task_index,
-        state=JobState.QUEUED,
-    )
 
 
 def settle(

@@ -14,10 +14,10 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from services.jobs.limits import refuse_long_trajectories, refuse_when_full
+from services.jobs.open_stage import open_stage
 from services.jobs.owners import Owner, owned_by
 from services.jobs.plan import NextStage, plan_first
 from services.jobs.resolve import resolve
-from services.jobs.store import open_stage
 from services.jobs.versions import versions
 from shared.contracts.application import ApplicationRequest
 from shared.db.engine import reading, transaction
@@ -93,6 +93,7 @@ def prepare(
         name=request.name,
         state=ApplicationState.QUEUED,
         generation=0,
+        last_event=0,
         request=request.model_dump(mode="json"),
         resolved=resolved.model_dump(mode="json"),
         versions=versions(),
@@ -106,7 +107,6 @@ def prepare(
 def store(session: Session, application: Application, first: NextStage) -> None:
     """Write an application with its first jobs and their messages, in the caller's transaction."""
     session.add(application)
-    session.flush()
     open_stage(session, application, first)
 
 

@@ -17,7 +17,7 @@ from shared.contracts.states import ApplicationStatus, ExcludedTask, LatestResul
 from shared.db.clock import now
 from shared.db.engine import reading
 from shared.db.tables import Application, Job, Result
-from shared.domain import JobState, Stage
+from shared.domain import ApplicationState, JobState, Stage
 
 UNITS = {"time": "s", "energy": "V2 s", "weighted": "1", "electrical_energy": "J"}
 """Of the objectives."""
@@ -38,6 +38,20 @@ def load(session: Session, application_id: str) -> tuple[Application, ResolvedAp
     if application is None:
         raise NotFoundError(f"there is no application {application_id}")
     return application, ResolvedApplication.model_validate(application.resolved)
+
+
+def state_of(engine: Engine, application_id: str) -> ApplicationState:
+    """Where an application stands, and no more.
+
+    Raises
+    ------
+    NotFoundError
+    """
+    with reading(engine) as session:
+        state = session.scalar(select(Application.state).where(Application.id == application_id))
+    if state is None:
+        raise NotFoundError(f"there is no application {application_id}")
+    return ApplicationState(state)
 
 
 def status(engine: Engine, application_id: str) -> ApplicationStatus:
