@@ -3,10 +3,11 @@
 1. `quintic`: the dynamic guess with a feasible starting design. All 25 tasks of the paper solve on this rung, for
    every objective.
 2. `slower motion`: the same, stretched in time (where the time is free): far from the voltage limit.
-3. `strongest motor`: the starting design with the most torque per ampere, for heavy payloads.
-4. `coarse grid`: a fifth of the intervals first, then its motion on the full grid.
-5. `elastic limits`: the motion and motors that ask least of the limits (`elastic.py`). Where they keep all limits the
-   task is solved from there; else what they do not keep is named.
+3. `limits kept after all`: the motion and motors that ask least of the limits (`elastic.py`). Where they keep all
+   limits the task is solved from there. Where they clearly do not, the ladder ends, and what they break is named: of
+   the tasks tried, none that the later rungs could do (docs/performance.md).
+4. `strongest motor`: the starting design with the most torque per ampere, for heavy payloads.
+5. `coarse grid`: a fifth of the intervals first, then its motion on the full grid.
 A start that is handed in comes before them. What the last rung leaves unsolved goes to `diagnose`.
 """
 
@@ -43,6 +44,9 @@ ENDED = (STOPPED, OUT_OF_TIME, INTERRUPTED)
 HOPELESS = 2.0
 """Torque load (`torque_load`) above which one failed attempt is enough."""
 
+CLEARLY = 1e-3
+"""Share of a limit that has to give for the ladder to end: ten times what counts as kept."""
+
 
 @dataclass(frozen=True)
 class Climb:
@@ -70,6 +74,11 @@ class _Climber:
     deadline: float
     attempts: list[Attempt]
     unmet: tuple[Unmet, ...] = ()
+
+    @property
+    def is_done(self) -> bool:
+        """Whether time is up, a stop was asked for, or a limit has to give by more than a solver leaves open."""
+        return self.attempts[-1].status in ENDED or any(limit.share > CLEARLY for limit in self.unmet)
 
     def attempt(self, name: str, program: Program | ElasticProgram, instance: Instance, start: Guess) -> Outcome:
         outcome = run(
@@ -100,6 +109,8 @@ def climb(
     rungs = _rungs(problem, program, instance, start, climber)
     for rung in rungs:
         guess = rung.start()
+        if guess is None and climber.is_done:
+            break
         if guess is None:
             continue
         outcome = climber.attempt(rung.name, program, instance, guess)
@@ -142,9 +153,9 @@ def _rungs(
         yield Rung("given start", lambda: _given(problem, program, instance, start, design))
     yield Rung("quintic", lambda: quintic_guess(problem, program, instance, design))
     yield Rung("slower motion", lambda: _slower(problem, program, instance, design))
+    yield Rung("limits kept after all", lambda: _elastic(problem, program, instance, design, climber))
     yield Rung("strongest motor", lambda: _strongest(problem, program, instance))
     yield Rung("coarse grid", lambda: _coarse(problem, program, instance, design, climber))
-    yield Rung("limits kept after all", lambda: _elastic(problem, program, instance, design, climber))
 
 
 def _given(problem: Problem, program: Program, instance: Instance, start: Guess | Start, fallback: np.ndarray) -> Guess:

@@ -57,6 +57,11 @@ SHARED_BARRIER = {"barrier_tol_factor": 1e3, "mu_target": 1e-7, "kappa_sigma": 1
 """For the program of all tasks, whose motions with time to spare leave directions flat: each barrier problem is solved
 only roughly, and the last barrier parameter is approached and kept (docs/decisions/0005, which says what it saves)."""
 
+EXPECT_INFEASIBLE = {"expect_infeasible_problem": "yes"}
+"""Multipliers above 1e8, while constraints are broken by more than 1e-3, start the restoration phase. Else a task that
+cannot be done goes on with a hundred systems regularised by 1e8 and more, which no elimination does well; one that can
+be done is solved as before, iteration by iteration (docs/performance.md)."""
+
 
 @dataclass(frozen=True)
 class SolverOptions:
@@ -299,6 +304,8 @@ def _casadi_options(
     }
     if _of_all_tasks(program):
         ipopt |= SHARED_BARRIER
+    if isinstance(program, Program):
+        ipopt |= EXPECT_INFEASIBLE
     if warm:
         ipopt |= {
             "warm_start_init_point": "yes",
