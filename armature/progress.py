@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from armature.notebook import Bars, NotebookBars, in_notebook
-from shared.contracts.states import ApplicationStatus, LatestResult, StageProgress
+from shared.contracts.states import ApplicationStatus, LatestResult, Progress, StageProgress
 from shared.domain import ApplicationState
 
 STAGES = {
@@ -26,6 +26,8 @@ STAGES = {
     "shared_motions": "every motion with that one",
 }
 """What a stage does, in words."""
+
+COMPILING = "compiling derivatives (once for this machine)"
 
 PLAIN_EVERY_S = 5.0
 """Longest silence between two plain lines while something moves."""
@@ -68,7 +70,7 @@ class PlainProgress:
         """Print a line, if there is something new to say."""
         note = None if ApplicationState(status.state).final else self._note()
         stage = current_stage(status)
-        key = f"{status.state} {None if stage is None else stage.name} {note}"
+        key = f"{status.state} {None if stage is None else stage.name} {note} {status.progress.compiling}"
         self._lines.say(key, _plain_line(status, stage, note))
 
 
@@ -134,9 +136,17 @@ def _remarks(status: ApplicationStatus, note: str | None) -> list[str]:
         remarks.append(f"best {_result(progress.best)}")
     if progress.last is not None:
         remarks.append(f"last {_result(progress.last)}")
-    if progress.eta_s is not None and status.finished_at is None and note is None:
-        remarks.append(f"about {duration(progress.eta_s)} left")
+    left = time_left(progress)
+    if left is not None and status.finished_at is None and note is None:
+        remarks.append(left)
     return remarks
+
+
+def time_left(progress: Progress) -> str | None:
+    """What can be said of the time left; while derivatives are compiled, that they are."""
+    if progress.compiling:
+        return COMPILING
+    return None if progress.eta_s is None else f"about {duration(progress.eta_s)} left"
 
 
 def _result(result: LatestResult) -> str:

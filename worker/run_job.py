@@ -14,8 +14,9 @@ from sqlalchemy import Engine
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from structlog.contextvars import bound_contextvars
 
+from services.codesign.kernels import building
 from services.codesign.solver import IterationReport, SolverOptions
-from services.jobs.claim import Claim, Requests, claim, release, renew, report, requests_of
+from services.jobs.claim import Claim, Requests, claim, release, renew, report, report_compiling, requests_of
 from services.jobs.execute import execute
 from services.jobs.finish import Outcome, finish
 from services.jobs.store import LONGEST_REASON
@@ -136,7 +137,7 @@ class Heartbeat:
             self._stop.set()
 
     def _beat(self) -> None:
-        waited = 0.0
+        waited, compiling = 0.0, False
         while not self._done.wait(self.settings.cancel_poll_s):
             waited += self.settings.cancel_poll_s
             try:
@@ -149,5 +150,8 @@ class Heartbeat:
                 if self._latest is not None:
                     iteration, self._latest = self._latest, None
                     report(self.engine, self.held, iteration)
+                elif building() and not compiling:
+                    report_compiling(self.engine, self.held)
+                compiling = building()
             except SQLAlchemyError as error:  # the database is away for a while: keep solving, the lease decides
                 log.warning("heartbeat failed", error=str(error))

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from armature.errors import ArmatureError, ServerUnreachableError
 from armature.processes import Place, Service, running_service
-from armature.progress import Note
+from armature.progress import COMPILING, Note
 from shared.domain import ApplicationState
 from shared.settings import Settings
 
@@ -97,7 +97,7 @@ def _follow(console: Console, submitted: Kind, service: Service, settings: Setti
     from services.codesign.kernels import being_built  # slow to import: it brings CasADi
 
     def note() -> str | None:
-        return "compiling the arm's equations, once" if being_built(settings.kernel_cache) else None
+        return COMPILING if being_built(settings.kernel_cache) else None
 
     with shown(console, note) as show:
 

@@ -11,7 +11,7 @@ from rich.table import Table
 from armature.cli.heat_map import heat_maps
 from armature.cli.layout import new_table, print_table
 from armature.cli.reference import Reference
-from armature.progress import current_stage, done, duration
+from armature.progress import done, time_left
 from shared.contracts.comparisons import ComparisonAnswer, DesignAnswer, DesignsAnswer
 from shared.contracts.motions import TaskResult
 from shared.contracts.states import ApplicationItem, ApplicationStatus
@@ -51,8 +51,8 @@ def print_status(console: Console, status: ApplicationStatus) -> None:
         failed = f", {stage.failed + stage.dead} failed" if stage.failed + stage.dead else ""
         running = f", {stage.running} running" if stage.running else ""
         console.print(f"  {stage.name:<10} {done(stage):>4} of {stage.total}{running}{failed}")
-    if status.finished_at is None and status.progress.eta_s is not None and current_stage(status) is not None:
-        console.print(f"  about {duration(status.progress.eta_s)} left")
+    if status.finished_at is None and (left := time_left(status.progress)):
+        console.print(f"  {left}")
     times = status.timings
     if times.wall_time_s is not None and status.finished_at is not None:
         console.print(f"  {times.wall_time_s:.1f} s on the clock, {times.solver_time_s:.1f} s in the solver")

@@ -156,13 +156,26 @@ def build_once(library: Path, build: Callable[[str], None]) -> bool:
     return True
 
 
+_building: list[Path] = []
+"""Libraries that this process waits for."""
+
+
 @contextmanager
 def _build_lock(library: Path) -> Iterator[None]:
     """Let one process of this machine build a library; a builder that dies lets go of the lock."""
     library.parent.mkdir(parents=True, exist_ok=True)
     with library.with_suffix(BUILD_LOCK_SUFFIX).open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield
+        _building.append(library)
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            yield
+        finally:
+            _building.remove(library)
+
+
+def building() -> bool:
+    """Whether this process compiles kernels now, or waits for another one that does."""
+    return bool(_building)
 
 
 def being_built(cache: Path) -> bool:

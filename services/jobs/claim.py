@@ -6,6 +6,7 @@ A claim is a conditional UPDATE; its token fences off anyone whose lease was los
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from typing import Any
 
 from sqlalchemy import Engine, Float, Integer, String, bindparam, func, select, update
 
@@ -24,6 +25,7 @@ from services.jobs.record import (
     prune,
 )
 from services.jobs.store import CANCELLED, emit, lock_application, requeue, settle
+from services.jobs.time_left import COMPILING
 from shared.db.clock import now
 from shared.db.engine import reading, transaction
 from shared.db.tables import Application, Job, Outbox, table_of
@@ -151,13 +153,22 @@ def requests_of(engine: Engine, held: Claim) -> Requests:
 
 def report(engine: Engine, held: Claim, iteration: IterationReport) -> None:
     """Tell the application's events how far a solve is; nothing when the lease was lost."""
+    _tell(engine, held, "iteration", asdict(iteration))
+
+
+def report_compiling(engine: Engine, held: Claim) -> None:
+    """Tell them that a job waits for derivatives to be compiled."""
+    _tell(engine, held, COMPILING, {})
+
+
+def _tell(engine: Engine, held: Claim, kind: str, content: dict[str, Any]) -> None:
     with transaction(engine) as session:
         application = lock_application(session, held.application_id)
         job = session.get(Job, held.job_id)
         if application is None or job is None or job.token != held.token or job.state != JobState.RUNNING:
             return
         place = {"stage": job.stage, "method": job.method, "task_index": job.task_index}
-        emit(session, application, "iteration", {"job_id": job.id, **place, **asdict(iteration)})
+        emit(session, application, kind, {"job_id": job.id, **place, **content})
 
 
 def release(engine: Engine, held: Claim) -> bool:

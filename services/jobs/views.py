@@ -12,9 +12,9 @@ from sqlalchemy.orm import Session
 from services.jobs.plan import planned_jobs
 from services.jobs.resolved import SHARED, ResolvedApplication
 from services.jobs.stop_search import searches
+from services.jobs.time_left import compiling, time_left
 from shared.contracts.motions import MotionResult, TaskList, TaskResult
 from shared.contracts.states import ApplicationStatus, ExcludedTask, LatestResult, Progress, StageProgress, Timings
-from shared.db.clock import now
 from shared.db.engine import reading
 from shared.db.tables import Application, Job, Result
 from shared.domain import ApplicationState, JobState, Stage
@@ -194,7 +194,8 @@ def _progress(session: Session, application: Application, resolved: ResolvedAppl
         stages=stages,
         done=done,
         total=total,
-        eta_s=None if finished else _time_left(session, application, done, total),
+        eta_s=None if finished else time_left(session, application, total - done),
+        compiling=not finished and compiling(session, application),
         last=_result(session, application, resolved, latest=True),
         best=_result(session, application, resolved, latest=False),
     )
@@ -209,13 +210,6 @@ def _search(
     if job is None:
         return None
     return "stopping" if job.stop_requested else "running"
-
-
-def _time_left(session: Session, application: Application, done: int, total: int) -> float | None:
-    if not done or application.started_at is None:
-        return None
-    elapsed = (session.scalar(select(now())) or 0.0) - application.started_at
-    return max(0.0, elapsed * (total - done) / done)
 
 
 def _result(

@@ -47,7 +47,8 @@ class Progress(BaseModel):
     stages: list[StageProgress]
     done: int
     total: int
-    eta_s: float | None = Field(None, description="estimated time left; null until the first job is done")
+    eta_s: float | None = Field(None, description="estimated time left; null until enough jobs are done")
+    compiling: bool = Field(False, description="a worker compiles derivatives, once for its machine")
     last: LatestResult | None = None
     best: LatestResult | None = None
 

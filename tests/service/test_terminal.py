@@ -12,7 +12,7 @@ from armature.cli import tables
 from armature.cli.exit_codes import exit_code_of
 from armature.cli.heat_map import heat_maps
 from armature.cli.reference import Reference
-from armature.progress import PlainProgress, current_stage, duration
+from armature.progress import COMPILING, PlainProgress, current_stage, duration, nothing_to_note
 from shared.contracts.comparisons import ComparisonAnswer, MethodTotals, Regret
 from shared.contracts.motions import TaskResult
 from shared.contracts.states import ApplicationStatus
@@ -127,6 +127,21 @@ def test_lines_come_with_news_and_not_with_every_status() -> None:
         "one design for all tasks: 0 of 1; best 0.3094 s (t); last 0.3094 s (t); about 2 min left",
         "cancelled",
     ]
+
+
+def test_no_time_is_told_while_derivatives_are_compiled() -> None:
+    out, written = console()
+    show = PlainProgress(out, nothing_to_note, every_s=1000.0)
+    compiling = status(0)
+    compiling.progress.compiling = True
+    show(compiling)
+    show(status(0))
+    tables.print_status(out, compiling)
+    first, second, *shown = written.getvalue().splitlines()
+    assert first == f"co-design, task by task: 0 of 4; {COMPILING}"
+    assert second == "co-design, task by task: 0 of 4; about 2 min left"
+    assert f"  {COMPILING}" in shown
+    assert not any("left" in line for line in shown)
 
 
 def test_the_current_stage_is_the_first_unfinished_one() -> None:

@@ -2,7 +2,7 @@
 
 import { ofApplication } from "./api.js";
 
-const KINDS = ["job", "stage", "iteration", "cancel", "stop_search", "application", "pruned"];
+const KINDS = ["job", "stage", "iteration", "compiling", "cancel", "stop_search", "application", "pruned"];
 const AGAIN_MS = 2000;
 
 /**

@@ -153,7 +153,11 @@ function showKey(key, scale, objective) {
 function showFacts(facts, status) {
   const { progress, timings } = status;
   const ended = isFinal(status.state);
-  const left = progress.eta_s === null ? "not known yet" : `about ${duration(progress.eta_s)}`;
+  const left = progress.compiling
+    ? "compiling derivatives, once for this machine"
+    : progress.eta_s === null
+      ? "not known yet"
+      : `about ${duration(progress.eta_s)}`;
   const lines = [
     ["Jobs", `${progress.done} of ${progress.total}`],
     ended ? ["Wall time", duration(timings.wall_time_s)] : ["Time left", left],
