@@ -13,7 +13,7 @@ from armature.cli.layout import new_table, print_table
 from armature.cli.reference import Reference
 from armature.progress import done, time_left
 from shared.contracts.comparisons import ComparisonAnswer, DesignAnswer, DesignsAnswer
-from shared.contracts.motions import TaskResult
+from shared.contracts.motions import MotionResult, TaskResult
 from shared.contracts.states import ApplicationItem, ApplicationStatus
 
 OWN = "own"
@@ -38,6 +38,9 @@ SAME = 1e-9
 """Relative difference of two figures that are the same but for the order of additions."""
 SHOWN_PERCENT = 0.005
 """A difference that rounds to 0.00 percent is none: solves end within their tolerance."""
+
+
+STARTS = "Spread: how far the worst optimum that a start of the own design found lies above the best one."
 
 
 def print_status(console: Console, status: ApplicationStatus) -> None:
@@ -130,7 +133,9 @@ def _range(values: Sequence[float]) -> str:
 
 def print_tasks(console: Console, tasks: Sequence[TaskResult], methods: Sequence[str], objective: str) -> None:
     """One line a task: its own optimum and its motion with each design, in the objective's unit."""
-    table = new_table("", "task", "state", OWN, *methods, "iterations", "solve\ns", left=3)
+    several = any(task.own is not None and task.own.starts is not None for task in tasks)
+    of_starts = ["starts at\nthe best", "spread\n%"] if several else []
+    table = new_table("", "task", "state", OWN, *methods, "iterations", "solve\ns", *of_starts, left=3)
     for task in tasks:
         motions = [task.own, *(task.methods.get(method) for method in methods)]
         table.add_row(
@@ -140,8 +145,19 @@ def print_tasks(console: Console, tasks: Sequence[TaskResult], methods: Sequence
             *("-" if motion is None else f"{motion.objective:.4f}" for motion in motions),
             "-" if task.iterations is None else str(task.iterations),
             "-" if task.solve_time_s is None else f"{task.solve_time_s:.2f}",
+            *(_starts(task.own) if several else []),
         )
     print_table(console, f"Tasks: {QUANTITIES[objective]}", table)
+    if several:
+        console.print(STARTS, soft_wrap=True)
+
+
+def _starts(own: MotionResult | None) -> list[str]:
+    """How many of a co-design's starts ended at its best optimum, and how far above it the worst of them did."""
+    if own is None or own.starts is None:
+        return ["-", "-"]
+    starts = own.starts
+    return [f"{starts.ends[0].starts} of {len(starts.runs)}", f"{100 * starts.spread:.2f}"]
 
 
 def print_failures(console: Console, tasks: Iterable[TaskResult], methods: Sequence[str]) -> None:

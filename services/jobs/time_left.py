@@ -22,6 +22,8 @@ ENOUGH = 3
 """Jobs that must have ended, of those that count, before there is an estimate."""
 LATEST = 50
 """Jobs that it is taken from: the last ones, for stages differ."""
+LATELY_S = 60.0
+"""A worker that ended a job within this time is still at hand: between two stages most have nothing to do."""
 COMPILING = "compiling"
 """Kind of the event that says that a job waits for a compiler (`services.jobs.claim.report_compiling`)."""
 
@@ -44,9 +46,9 @@ def time_left(session: Session, application: Application, jobs: int) -> float | 
     if len(ended) < ENOUGH:
         return None
     usual = median(seconds for seconds, _, _ in ended)
-    between_jobs = {worker for _, worker, ago in ended if ago < usual}
+    lately = {worker for _, worker, ago in ended if ago < max(usual, LATELY_S)}
     running = session.scalars(select(Job.worker).where(*of_application, Job.state == JobState.RUNNING)).all()
-    workers = len(between_jobs.union(running))
+    workers = len(lately.union(running))
     return ceil(jobs / workers) * usual if workers else None
 
 

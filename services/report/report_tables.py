@@ -187,6 +187,28 @@ def _certificate_row(task: TaskResult, method: str, motion: MotionResult) -> lis
     ]
 
 
+def starts_table(tasks: TaskList) -> HtmlTable | None:
+    """What several starts of each motion found; None where each had one."""
+    rows = [
+        [
+            task.name,
+            "own" if method == OWN else method_name(method),
+            f"{starts.solved} of {len(starts.runs)}",
+            str(starts.ends[0].starts),
+            str(len(starts.ends)),
+            number(starts.ends[0].objective, 5),
+            number(starts.ends[-1].objective, 5),
+            percent(starts.spread),
+        ]
+        for task, method, motion in motions_of(tasks)
+        if (starts := motion.starts) is not None
+    ]
+    if not rows:
+        return None
+    columns = ["task", "design", "starts solved", "at the best", "optima", "best", "worst", "spread\n%"]
+    return HtmlTable("Several starts of each motion, before any refinement of the grid", columns, rows, left=2)
+
+
 def missed_tolerance(tasks: TaskList) -> str | None:
     """How many motions miss their tolerance, and whether that was to be expected; None when none does."""
     missed = [m.certificate for _, _, m in motions_of(tasks) if m.certificate.within_tolerance is False]

@@ -45,6 +45,12 @@ class Starts(BaseModel):
     ends: list[StartsEnd] = Field(description="local optima, best first: the spread, and how many starts found each")
     runs: list[StartRun]
 
+    @property
+    def spread(self) -> float:
+        """How far the worst of the optima lies above the best, as a share of the best."""
+        best, worst = self.ends[0].objective, self.ends[-1].objective
+        return 0.0 if worst == best else (worst - best) / abs(best)
+
 
 class MotionResult(BaseModel):
     """What a motion costs and how hard it works the motors; lists are over the joints."""

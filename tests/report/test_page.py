@@ -17,10 +17,11 @@ from services.report.figures import figures_of
 from services.report.html_table import number
 from services.report.inline_svg import inline_svg
 from services.report.page import Report, report_page, request_hash
-from services.report.report_tables import certificate_table, limit_tables, result_table, totals_table
+from services.report.report_tables import certificate_table, limit_tables, result_table, starts_table, totals_table
 from services.report.style import new_figure, style
 from services.report.words import limit_words
 from shared.contracts.comparisons import SharedDesign
+from shared.contracts.motions import StartRun, Starts, StartsEnd
 from tests.report import answers as made_up
 
 REQUEST: dict[str, Any] = {"name": "made up <i>", "robot": {"name": "µ-arm"}, "tasks": [{"start_rad": [0.1, 1e-3]}]}
@@ -140,6 +141,23 @@ def test_each_task_has_its_row() -> None:
     table = result_table(made_up.tasks(), ["two_step", "empirical"], "time")
     assert table.rows[1][:7] == ["1", "0.5 rad, 3 kg", "succeeded", "1.5", "1.6", "2", "+6.67"]
     assert table.rows[3][3:7] == ["2.5", "2.5", "–", "0.00"]
+
+
+def test_several_starts_are_told_with_their_spread() -> None:
+    """Of four starts one failed, two ended at 2.0, one at 2.5: a quarter more than the best."""
+    assert starts_table(made_up.tasks()) is None
+    ends = [StartsEnd(objective=2.0, starts=2), StartsEnd(objective=2.5, starts=1)]
+    runs = [
+        StartRun(solver_status="-", objective=objective, iterations=1, solve_time_s=0.1)
+        for objective in (2.0, 2.0, 2.5, None)
+    ]
+    found = made_up.tasks()
+    own = found.items[1].own
+    assert own is not None
+    own.starts = Starts(solved=3, ends=ends, runs=runs)
+    table = starts_table(found)
+    assert table is not None
+    assert table.rows == [[made_up.NAMES[1], "own", "3 of 4", "2", "2", "2", "2.5", "+25.00"]]
 
 
 def test_every_motion_has_its_certificate() -> None:

@@ -129,6 +129,23 @@ def test_lines_come_with_news_and_not_with_every_status() -> None:
     ]
 
 
+def test_what_several_starts_found_is_told() -> None:
+    """Three of four starts solved, two of them at the best; the other is a quarter worse."""
+    run = {"solver_status": "-", "objective": 2.0, "iterations": 1, "solve_time_s": 0.1}
+    found = {"solved": 3, "runs": [run] * 4}
+    found["ends"] = [{"objective": 2.0, "starts": 2}, {"objective": 2.5, "starts": 1}]
+    own = {"objective": 2.0, "final_time_s": 2.0, "energy_V2s": 1, "electrical_energy_J": 1, "copper_loss_J": 1}
+    own |= {"recovered_energy_J": [], "peaks": {}, "rms": {}, "certificate": {"kkt_residual": 0.0}, "design_mm": []}
+    own |= {"solver_status": "-", "iterations": 1, "solve_time_s": 0.1}
+    task = {"index": 0, "name": "t", "payload_kg": 0, "weight": 1, "state": "succeeded", "methods": {}}
+    out, written = console()
+    tables.print_tasks(out, [TaskResult.model_validate({**task, "own": own})], [], "time")
+    assert "spread" not in written.getvalue().lower()
+    tables.print_tasks(out, [TaskResult.model_validate({**task, "own": {**own, "starts": found}})], [], "time")
+    (row,) = [line.split() for line in written.getvalue().splitlines() if "of 4" in line]
+    assert row[-4:] == ["2", "of", "4", "25.00"]
+
+
 def test_no_time_is_told_while_derivatives_are_compiled() -> None:
     out, written = console()
     show = PlainProgress(out, nothing_to_note, every_s=1000.0)

@@ -4,7 +4,7 @@ import { get, getIfThere, ofApplication } from "../api.js";
 import { player } from "../arm/player.js";
 import { armView } from "../arm/view.js";
 import { h, replace } from "../dom.js";
-import { duration, methodName, quantity } from "../format.js";
+import { duration, methodName, number, quantity } from "../format.js";
 import { DIMENSIONS } from "../names.js";
 import { certificateView } from "../parts/certificate.js";
 import { choice } from "../parts/choice.js";
@@ -168,8 +168,20 @@ function resultFacts(result) {
     ["Copper loss", quantity(result.copper_loss_J, "J")],
     ["Given back", quantity(result.recovered_energy_J.reduce((sum, x) => sum + x, 0), "J")],
     ["Solver", `${result.iterations} iterations, ${duration(result.solve_time_s)}`],
+    ...startFacts(result.starts),
   ];
   return h("dl", { class: "facts" }, lines.map(([term, value]) => [h("dt", {}, term), h("dd", {}, value)]));
+}
+
+/** What several starts found; nothing where there was one. */
+function startFacts(starts) {
+  if (!starts) return [];
+  const [best, worst] = [starts.ends[0], starts.ends.at(-1)];
+  const spread = worst.objective === best.objective ? 0 : (worst.objective - best.objective) / Math.abs(best.objective);
+  return [
+    ["Starts", `${starts.solved} of ${starts.runs.length} solved, ${best.starts} at the best optimum`],
+    ["Spread of the optima", `${number(100 * spread, 3)} %`],
+  ];
 }
 
 function legend(rows) {
