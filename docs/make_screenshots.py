@@ -2,8 +2,8 @@
 
     python docs/make_screenshots.py [--home DIR]
 
-Starts the service, submits two of the examples, photographs the page while the first is being solved, and every other
-page when both have ended: some minutes. With `--home` what was solved stays there, and is found again the next time.
+Starts the service, submits some of the examples, photographs the page while the largest is being solved, and every
+other page when all have ended: some minutes. With `--home` what was solved stays there, and is found the next time.
 Needs Chromium (tests/web/browser.py says how to get it).
 """
 
@@ -29,22 +29,17 @@ from tests.web.browser import ARGUMENTS, HOW_TO_GET_IT, chromium
 DOCS = Path(__file__).parent
 IMAGES, EXAMPLES = DOCS / "images", DOCS.parent / "examples"
 STUDY, CELL = EXAMPLES / "pick_and_place.yaml", EXAMPLES / "five_poses.yaml"
+OTHERS = (EXAMPLES / "single_task.yaml", EXAMPLES / "my_arm.yaml")
 DESKTOP = {"width": 1280, "height": 860}
 PHONE = {"width": 390, "height": 844}
-COLOURS = 128
+COLOURS = 256
 PATIENCE_MS = 300_000
 SETTLE_MS = 700
 """For fonts, plots and the view of the arm to be drawn."""
 WORKERS = 2
 HALF_THE_TASKS = ".cell[data-state=succeeded] >> nth=13"
-REFUSED = """\
-name: two moves
-robot: ur5
-tasks:
-  - {name: pick, start_rad: [0.6, 2.5, 0.6, 0.6, 0.6, 0.6], end_rad: [0, 0, 0, 0, 0, 0], payload_kg: 2}
-  - {name: place, start_rad: [0.3, 0.3, 0.3, 0.3, 0.3, 0.3], end_rad: [0, 0, 0, 0, 0, 0]}
-"""
-"""Joint 2 cannot reach 2.5 rad."""
+OUT_OF_REACH = "0.3, 2.5, 0.3, 0.3, 0.3, 0.3"
+"""Joint 2 of the arm ends at 1.88 rad."""
 
 
 def main() -> None:
@@ -62,7 +57,7 @@ def main() -> None:
         sync_playwright() as playwright,
     ):
         browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
-        study, cell = (client.submit(file, idempotency_key=file.stem) for file in (STUDY, CELL))
+        *_, cell, study = (client.submit(file, idempotency_key=file.stem) for file in (*OTHERS, CELL, STUDY))
         live(browser, service.url, study)
         for application in (study, cell):
             application.wait(progress=True)
@@ -90,7 +85,7 @@ def live(browser: Browser, url: str, study: Application) -> None:
         shoot(page, "live")
         page.goto("/#/")
         page.locator(".list tbody tr").first.wait_for()
-        shoot(page, "list", height=420)
+        shoot(page, "list", height=480)
 
 
 def at_rest(browser: Browser, url: str, study: Application, cell: Application) -> None:
@@ -99,16 +94,18 @@ def at_rest(browser: Browser, url: str, study: Application, cell: Application) -
     with page_of(browser, url) as page:
         for name, place, height in (
             ("design", f"{of_study}/design", 1000),
-            ("task", f"{of_study}/tasks/12?method=two_step", 1000),
+            ("task", f"/#/applications/{cell.id}/tasks/0?method=two_step", 1500),
             ("compare", f"/#/compare?a={study.id}&b={cell.id}", 1000),
         ):
             page.goto(place)
             shoot(page, name, height=height)
-        page.goto("/#/submit?as=yaml")
-        page.get_by_role("textbox").first.fill(REFUSED)
+        page.goto("/#/submit")
+        page.get_by_text("list", exact=True).click()
+        page.get_by_role("textbox", name="Name").first.fill("two moves")
+        page.get_by_label("Start [rad]").nth(1).fill(OUT_OF_REACH)
         page.get_by_role("button", name="Submit", exact=True).click()
-        page.locator("[role=alert]").first.wait_for()
-        shoot(page, "submit", height=700)
+        page.get_by_role("alert").first.wait_for()
+        shoot(page, "submit", height=900)
     with page_of(browser, url, scheme="dark") as page:
         page.goto(f"{of_study}/comparison")
         shoot(page, "comparison", height=1000)

@@ -146,7 +146,7 @@ function moving(motion, result, resolved, task, signal) {
         "div",
         { class: "page" },
         h("section", { class: "card" }, h("h2", {}, "Result"), resultFacts(result)),
-        result ? h("section", { class: "card" }, h("h2", {}, "Peaks, % of the limits"), useOfLimits(result.peaks)) : null,
+        result ? h("section", { class: "card" }, h("h2", {}, "Peaks, % of the limits"), useOfLimits(result.peaks), missed(result.certificate)) : null,
       ),
     ),
     h(
@@ -157,6 +157,12 @@ function moving(motion, result, resolved, task, signal) {
       h("div", { class: "scroll" }, grid),
     ),
   ];
+}
+
+/** Why a motion may lie beyond its limits: they are kept at the grid's points, and the replay looks between them too. */
+function missed(certificate) {
+  if (certificate.within_tolerance !== false) return null;
+  return h("p", { class: "hint" }, "Of the replay, between the grid's points too, which this motion's grid is too coarse for: see the certificate.");
 }
 
 function resultFacts(result) {
