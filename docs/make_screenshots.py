@@ -85,7 +85,7 @@ def live(browser: Browser, url: str, study: Application) -> None:
         shoot(page, "live")
         page.goto("/#/")
         page.locator(".list tbody tr").first.wait_for()
-        shoot(page, "list", height=480)
+        shoot(page, "list", height=560)
 
 
 def at_rest(browser: Browser, url: str, study: Application, cell: Application) -> None:
