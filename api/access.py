@@ -76,9 +76,10 @@ def session_token(headers: Headers) -> str | None:
     return None if cookie is None else cookie.value
 
 
-def _owner(request: Request, ctx: Ctx) -> Owner:
+async def _owner(request: Request, ctx: Ctx) -> Owner:
     owner: Owner = getattr(request.state, "owner", None)
-    refuse_others(ctx.engine, owner, request.path_params)
+    if owner is not None:
+        await run_in_threadpool(refuse_others, ctx.engine, owner, request.path_params)
     return owner
 
 

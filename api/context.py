@@ -27,7 +27,7 @@ class Context:
     """One report is drawn at a time; the others wait."""
 
 
-def _context(request: Request) -> Context:
+async def _context(request: Request) -> Context:  # a plain function would be sent to a thread
     return cast(Context, request.app.state.context)
 
 

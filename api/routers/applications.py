@@ -61,9 +61,7 @@ def list_applications(
     response_model=ApplicationStatus,
     responses={304: {"description": "unchanged since the ETag in `If-None-Match`"}},
 )
-def get_application(
-    application_id: str, request: Request, response: Response, ctx: Ctx
-) -> Response | ApplicationStatus:
+def get_application(application_id: str, request: Request, ctx: Ctx) -> Response:
     """An application as it stands; `If-None-Match` saves the body while nothing has changed."""
     status = views.status(ctx.engine, application_id)
     stable = status.model_copy(update={"progress": status.progress.model_copy(update={"eta_s": None})})
@@ -73,8 +71,7 @@ def get_application(
         headers["Retry-After"] = POLL_AFTER_S
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers=headers)
-    response.headers.update(headers)
-    return status
+    return Response(status.model_dump_json(), headers=headers, media_type="application/json")
 
 
 @router.post("/{application_id}/cancel", status_code=202)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from typing import Any
 
-import numpy as np
+from pydantic import TypeAdapter
 
 from services.codesign.feasible_motor import motor_obstacle
 from services.codesign.freedom import FreedomError
@@ -39,6 +40,11 @@ _NUMERICS = threading.Lock()
 LONGEST_TIME_S = 1000.0
 """Largest upper bound of a free t_f."""
 
+_RESOLVED_TASKS = TypeAdapter(list[ResolvedTask])
+
+Range = tuple[list[float], list[float], str]
+"""Lowest and highest value of each joint, and their unit."""
+
 Located = tuple[str, ResolvedTask]
 """A task and the field of the request that it came from."""
 
@@ -55,7 +61,8 @@ def resolve(request: ApplicationRequest, find_robot: RobotLookup, max_tasks: int
     motor = _motor(request.motor)
     located = list(_tasks(request, robot, max_tasks))
     errors = list(_objective_errors(request.objective))
-    errors += [error for field, task in located for error in _task_errors(field, task, robot)]
+    ranges = _ranges(robot)
+    errors += [error for field, task in located for error in _task_errors(field, task, ranges)]
     errors += _duplicate_names(located)
     errors += _freedom_errors(request.design, located, robot)
     errors += _tie_break_errors(request.design.tie_break, robot)
@@ -93,16 +100,23 @@ def resolve(request: ApplicationRequest, find_robot: RobotLookup, max_tasks: int
 def _robot(given: str | dict[str, Any], find_robot: RobotLookup) -> tuple[dict[str, Any], Robot]:
     if isinstance(given, dict):
         wire: Mapping[str, Any] | None = inline_robot(given, "robot")
-    elif given in preset_names():
-        wire = preset_wire(given)
+    elif given in _presets():
+        return _presets()[given]
     else:
         wire = find_robot(given)
     if wire is None:
-        known = ", ".join(preset_names())
+        known = ", ".join(_presets())
         raise InvalidInputError(
             [FieldError("robot", given, f"unknown robot; presets are {known}; others need an upload")]
         )
     return dict(wire), read_robot(wire, "robot")
+
+
+@cache
+def _presets() -> dict[str, tuple[dict[str, Any], Robot]]:
+    """Of the package: nobody changes them."""
+    wires = {name: preset_wire(name) for name in preset_names()}
+    return {name: (wire, read_robot(wire, "robot")) for name, wire in wires.items()}
 
 
 def _changed(wire: dict[str, Any], robot: Robot, changes: RobotChangesRequest) -> tuple[dict[str, Any], Robot]:
@@ -187,8 +201,8 @@ def _scattered(located: list[Located], scatter: ScatterRequest, robot: Robot) ->
 
 
 def _listed(tasks: list[TaskRequest]) -> Iterator[Located]:
-    for k, task in enumerate(tasks):
-        yield f"tasks[{k}]", ResolvedTask(**{**task.model_dump(), "name": task.name or f"task {k}"})
+    named = [{**vars(task), "name": task.name or f"task {k}"} for k, task in enumerate(tasks)]
+    yield from ((f"tasks[{k}]", task) for k, task in enumerate(_RESOLVED_TASKS.validate_python(named)))
 
 
 def _grid(grid: GridRequest, joints: int) -> Iterator[Located]:
@@ -231,29 +245,28 @@ def _objective_errors(objective: ObjectiveRequest) -> Iterator[FieldError]:
                 )
 
 
-def _task_errors(field: str, task: ResolvedTask, robot: Robot) -> Iterator[FieldError]:
-    angles = {"start_rad": task.start_rad, "end_rad": task.end_rad}
-    speeds = {"start_speed_rad_s": task.start_speed_rad_s, "end_speed_rad_s": task.end_speed_rad_s}
+def _task_errors(field: str, task: ResolvedTask, ranges: Mapping[str, Range]) -> Iterator[FieldError]:
     from_grid = field.startswith("tasks.grid")
-    for name, values in {**angles, **speeds}.items():
+    for name, (low, high, unit) in ranges.items():
+        values, joints = getattr(task, name), len(low)
         if values is None:
             continue
-        if len(values) != robot.joints:
-            limit = f"the robot has {robot.joints} joints, this lists {len(values)} values"
+        if len(values) != joints:
+            limit = f"the robot has {joints} joints, this lists {len(values)} values"
             yield FieldError(f"{field}.{name}", str(values), limit)
             continue
-        low, high, unit = _range(robot, name)
-        beyond = np.maximum(low - np.array(values), np.array(values) - high)
-        wrong = [int(beyond.argmax())] if from_grid else range(robot.joints)
+        beyond = [max(least - value, value - most) for value, least, most in zip(values, low, high, strict=True)]
+        wrong = [beyond.index(max(beyond))] if from_grid else range(joints)
         for k in (k for k in wrong if beyond[k] > 0):
             where = field if from_grid else f"{field}.{name}[{k}]"
             yield FieldError(where, values[k], f"joint {k + 1} allows {low[k]:.6g} to {high[k]:.6g} {unit}")
 
 
-def _range(robot: Robot, name: str) -> tuple[np.ndarray, np.ndarray, str]:
-    if name.endswith("_rad"):
-        return robot.joint_lower, robot.joint_upper, "rad"
-    return -robot.joint_speed_limit, robot.joint_speed_limit, "rad/s"
+def _ranges(robot: Robot) -> dict[str, Range]:
+    """What the joints allow for each field of a task that has a number a joint."""
+    angle: Range = (robot.joint_lower.tolist(), robot.joint_upper.tolist(), "rad")
+    speed: Range = ((-robot.joint_speed_limit).tolist(), robot.joint_speed_limit.tolist(), "rad/s")
+    return {"start_rad": angle, "end_rad": angle, "start_speed_rad_s": speed, "end_speed_rad_s": speed}
 
 
 def _duplicate_names(located: list[Located]) -> Iterator[FieldError]:

@@ -55,21 +55,19 @@ def submit(
     QueueFullError
         The owner has too many jobs in the queue already.
     """
-    request_hash = hash_of(request)
-    if idempotency_key is not None:
-        idempotency_key = key_of_owner(idempotency_key, owner)
-    if idempotency_key is not None and (earlier := earlier_with(engine, Application, idempotency_key, request_hash)):
+    key = None if idempotency_key is None else key_of_owner(idempotency_key, owner)
+    if key is not None and (earlier := earlier_with(engine, Application, key, hash_of(request))):
         return earlier, False
     application, first = prepare(engine, settings, request, owner)
-    application.idempotency_key = idempotency_key
+    application.idempotency_key = key
     try:
         with transaction(engine) as session:
             refuse_when_full(session, settings, owner, len(first.jobs))
             store(session, application, first)
     except IntegrityError:
-        if idempotency_key is None:
+        if key is None:
             raise
-        earlier = earlier_with(engine, Application, idempotency_key, request_hash)  # another with the key came first
+        earlier = earlier_with(engine, Application, key, application.request_hash)  # another with the key came first
         if earlier is None:
             raise
         return earlier, False
@@ -88,17 +86,18 @@ def prepare(
     """
     resolved = resolve(request, lambda robot_id: find_robot(engine, robot_id, owner), settings.max_tasks)
     refuse_long_trajectories(settings, resolved)
+    content = request.model_dump(mode="json")
     application = Application(
         id=new_id(),
         name=request.name,
         state=ApplicationState.QUEUED,
         generation=0,
         last_event=0,
-        request=request.model_dump(mode="json"),
+        request=content,
         resolved=resolved.model_dump(mode="json"),
         versions=versions(),
         tags=list(request.tags),
-        request_hash=hash_of(request),
+        request_hash=_hash(content),
         owner=owner,
     )
     return application, plan_first(resolved)
@@ -119,7 +118,11 @@ def find_robot(engine: Engine, robot_id: str, owner: Owner = None) -> Mapping[st
 
 def hash_of(request: BaseModel) -> str:
     """Tells two requests apart that come with the same idempotency key."""
-    return hashlib.sha256(json.dumps(request.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
+    return _hash(request.model_dump(mode="json"))
+
+
+def _hash(content: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def key_of_owner(key: str, owner: Owner) -> str:

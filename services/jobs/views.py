@@ -6,17 +6,18 @@ from collections import Counter, defaultdict
 from datetime import UTC, datetime
 from typing import Any, Literal
 
-from sqlalchemy import Engine, func, select
-from sqlalchemy.orm import Session
+from sqlalchemy import Engine, Integer, String, bindparam, func, select
+from sqlalchemy.orm import Session, defer
 
 from services.jobs.plan import planned_jobs
 from services.jobs.resolved import SHARED, ResolvedApplication
+from services.jobs.spec import spec_of
 from services.jobs.stop_search import searches
 from services.jobs.time_left import compiling, time_left
 from shared.contracts.motions import MotionResult, TaskList, TaskResult
 from shared.contracts.states import ApplicationStatus, ExcludedTask, LatestResult, Progress, StageProgress, Timings
 from shared.db.engine import reading
-from shared.db.tables import Application, Job, Result
+from shared.db.tables import Application, Job, Result, table_of
 from shared.domain import ApplicationState, JobState, Stage
 
 UNITS = {"time": "s", "energy": "V2 s", "weighted": "1", "electrical_energy": "J"}
@@ -27,6 +28,9 @@ class NotFoundError(Exception):
     """There is no such application, task, or result; the message says which."""
 
 
+_WITHOUT_DOCUMENTS = [defer(Application.request), defer(Application.resolved)]
+
+
 def load(session: Session, application_id: str) -> tuple[Application, ResolvedApplication]:
     """An application's row and meaning.
 
@@ -34,10 +38,11 @@ def load(session: Session, application_id: str) -> tuple[Application, ResolvedAp
     ------
     NotFoundError
     """
-    application = session.get(Application, application_id)
-    if application is None:
+    application = session.get(Application, application_id, options=_WITHOUT_DOCUMENTS)
+    resolved = None if application is None else spec_of(session, application_id)
+    if application is None or resolved is None:
         raise NotFoundError(f"there is no application {application_id}")
-    return application, ResolvedApplication.model_validate(application.resolved)
+    return application, resolved
 
 
 def state_of(engine: Engine, application_id: str) -> ApplicationState:
@@ -173,13 +178,39 @@ def _task_state(states: list[JobState]) -> str:
     return JobState.SUCCEEDED if states else JobState.QUEUED
 
 
+JOBS, RESULTS = table_of(Job), table_of(Result)
+_APPLICATION, _GENERATION = bindparam("application", type_=String), bindparam("generation", type_=Integer)
+_JOBS_OF = (JOBS.c.application_id == _APPLICATION, JOBS.c.generation == _GENERATION)
+_RESULTS_OF = (RESULTS.c.application_id == _APPLICATION, RESULTS.c.generation == _GENERATION)
+
+# What is asked most often, once a second by everyone who waits; so these are not put together anew each time.
+_COUNTS = select(JOBS.c.stage, JOBS.c.state, func.count()).where(*_JOBS_OF).group_by(JOBS.c.stage, JOBS.c.state)
+_RESULT = (
+    select(RESULTS.c.task_index, RESULTS.c.stage, RESULTS.c.method, RESULTS.c.value)
+    .join(JOBS, JOBS.c.id == RESULTS.c.job_id)
+    .where(*_RESULTS_OF, RESULTS.c.value.is_not(None))
+    .limit(1)
+)
+_LATEST, _BEST = _RESULT.order_by(JOBS.c.finished_at.desc()), _RESULT.order_by(RESULTS.c.value)
+_EXCLUDED = (
+    select(JOBS.c.task_index, JOBS.c.reason)
+    .where(*_JOBS_OF, JOBS.c.stage == Stage.CODESIGN, JOBS.c.state.in_([JobState.FAILED, JobState.DEAD]))
+    .order_by(JOBS.c.task_index)
+)
+_SPAN = select(
+    func.min(JOBS.c.started_at), func.max(JOBS.c.finished_at), func.sum(JOBS.c.finished_at - JOBS.c.started_at)
+).where(*_JOBS_OF)
+_SOLVE_TIME = select(func.sum(RESULTS.c.summary["solve_time_s"].as_float())).where(*_RESULTS_OF)
+
+
+def _of(application: Application) -> dict[str, Any]:
+    """Parameters of the statements above."""
+    return {"application": application.id, "generation": application.generation}
+
+
 def _progress(session: Session, application: Application, resolved: ResolvedApplication) -> Progress:
     counts: dict[str, Counter[str]] = defaultdict(Counter)
-    rows = session.execute(
-        select(Job.stage, Job.state, func.count())
-        .where(Job.application_id == application.id, Job.generation == application.generation)
-        .group_by(Job.stage, Job.state)
-    )
+    rows = session.execute(_COUNTS, _of(application))
     for stage, state, count in rows:
         counts[stage][state] = count
     planned = planned_jobs(resolved)
@@ -215,18 +246,7 @@ def _search(
 def _result(
     session: Session, application: Application, resolved: ResolvedApplication, *, latest: bool
 ) -> LatestResult | None:
-    statement = (
-        select(Result.task_index, Result.stage, Result.method, Result.value)
-        .join(Job, Job.id == Result.job_id)
-        .where(
-            Result.application_id == application.id,
-            Result.generation == application.generation,
-            Result.value.is_not(None),
-        )
-        .order_by(Job.finished_at.desc() if latest else Result.value)
-        .limit(1)
-    )
-    row = session.execute(statement).one_or_none()
+    row = session.execute(_LATEST if latest else _BEST, _of(application)).one_or_none()
     if row is None:
         return None
     return LatestResult(
@@ -245,33 +265,15 @@ def objective_unit(resolved: ResolvedApplication) -> str:
 
 
 def _excluded(session: Session, application: Application, resolved: ResolvedApplication) -> list[ExcludedTask]:
-    rows = session.execute(
-        select(Job.task_index, Job.reason)
-        .where(
-            Job.application_id == application.id,
-            Job.generation == application.generation,
-            Job.stage == Stage.CODESIGN,
-            Job.state.in_([JobState.FAILED, JobState.DEAD]),
-        )
-        .order_by(Job.task_index)
-    )
+    rows = session.execute(_EXCLUDED, _of(application))
     return [
         ExcludedTask(index=row.task_index, name=resolved.tasks[row.task_index].name, reason=row.reason) for row in rows
     ]
 
 
 def _timings(session: Session, application: Application) -> Timings:
-    jobs = (Job.application_id == application.id, Job.generation == application.generation)
-    first, last, worked = session.execute(
-        select(func.min(Job.started_at), func.max(Job.finished_at), func.sum(Job.finished_at - Job.started_at)).where(
-            *jobs
-        )
-    ).one()
-    solved = session.scalar(
-        select(func.sum(Result.summary["solve_time_s"].as_float())).where(
-            Result.application_id == application.id, Result.generation == application.generation
-        )
-    )
+    first, last, worked = session.execute(_SPAN, _of(application)).one()
+    solved = session.scalar(_SOLVE_TIME, _of(application))
     wall = None if first is None or last is None else last - first
     return Timings(solver_time_s=solved or 0.0, worker_time_s=worked or 0.0, wall_time_s=wall)
 

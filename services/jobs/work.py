@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,14 +17,12 @@ from services.jobs.claim import Claim
 from services.jobs.design_wire import design_array
 from services.jobs.plan import JobSpec
 from services.jobs.resolved import ResolvedApplication
+from services.jobs.spec import spec_of
 from services.jobs.store import MOTION_STAGES, results_of
 from shared.contracts.application import MethodName
 from shared.db.engine import reading
 from shared.db.tables import Application, Design, Result
 from shared.domain import Stage
-
-MOST_SPECS = 32
-"""Applications whose spec a process keeps at hand: some hundred kilobytes each when they have a thousand tasks."""
 
 
 @dataclass(frozen=True)
@@ -56,32 +53,13 @@ class Work:
 
 def load_work(engine: Engine, held: Claim) -> Work | None:
     """Read a job's inputs; None when its application was deleted."""
-    resolved = _spec_of(engine, held.application_id)
-    if resolved is None:
-        return None
-    if held.spec.stage == Stage.CODESIGN:
-        return Work(held.spec, resolved, {})
-    with reading(engine) as session:
-        return _with_inputs(session, held, resolved)
-
-
-_specs: OrderedDict[str, ResolvedApplication] = OrderedDict()
-"""Of the applications whose jobs came last to this process. What was accepted never changes, so that it is read and
-checked once, not for each of a hundred jobs."""
-
-
-def _spec_of(engine: Engine, application_id: str) -> ResolvedApplication | None:
-    known = _specs.get(application_id)
-    if known is None:
-        with reading(engine) as session:
-            stored = session.scalar(select(Application.resolved).where(Application.id == application_id))
-        if stored is None:
+    with reading(engine) as session:  # which asks nothing of the database before there is something to ask
+        resolved = spec_of(session, held.application_id)
+        if resolved is None:
             return None
-        known = _specs[application_id] = ResolvedApplication.model_validate(stored)
-        if len(_specs) > MOST_SPECS:
-            _specs.popitem(last=False)
-    _specs.move_to_end(application_id)
-    return known
+        if held.spec.stage == Stage.CODESIGN:
+            return Work(held.spec, resolved, {})
+        return _with_inputs(session, held, resolved)
 
 
 def _with_inputs(session: Session, held: Claim, resolved: ResolvedApplication) -> Work | None:
