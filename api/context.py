@@ -13,6 +13,10 @@ from sqlalchemy import Engine
 
 from shared.settings import Settings
 
+MOST_SUBMITTING = 2
+"""One submission computes while another waits for the database. More would not end sooner: they would take the
+interpreter from the questions between them, and SQLite, which has one writer, makes those that wait sleep."""
+
 
 @dataclass(frozen=True)
 class Context:
@@ -25,6 +29,8 @@ class Context:
     """Metrics of this process."""
     drawing: anyio.CapacityLimiter = field(default_factory=lambda: anyio.CapacityLimiter(1))
     """One report is drawn at a time; the others wait."""
+    submitting: anyio.CapacityLimiter = field(default_factory=lambda: anyio.CapacityLimiter(MOST_SUBMITTING))
+    """So many submissions at a time; the others wait their turn."""
 
 
 async def _context(request: Request) -> Context:  # a plain function would be sent to a thread

@@ -51,6 +51,8 @@ from tests.servers import free_port, postgres_database, postgres_server, redis_s
 RESULTS = Path(__file__).parent / "results" / "throughput.json"
 BARE_QUEUE, BARE_TASK = "bare", "benchmark.bare"
 CLIENTS = 50
+CONNECTIONS = httpx.Limits(max_connections=CLIENTS, max_keepalive_connections=CLIENTS)
+JSON = {"Content-Type": "application/json"}
 ASK_EVERY_S = 1.0
 LOOK_EVERY_S = 0.02
 START_S = 60.0
@@ -58,6 +60,9 @@ START_S = 60.0
 PROCESSES = multiprocessing.get_context("forkserver")
 PROCESSES.set_forkserver_preload(["__main__", "api.main", "worker.main", "worker.relay"])
 """Forked from a process that has imported everything: what is measured begins sooner."""
+
+ABUNDANT: dict[str, Any] = {"max_queued_jobs": 10**6, "rate_per_minute": 0}
+"""Limits that stand in nobody's way."""
 
 SUMMARY = {"objective": 1.0, "final_time_s": 1.0, "solver_status": "Solve_Succeeded", "solve_time_s": 0.0}
 DESIGN = {"design_mm": [[30.0, 20.0, 40.0, 2.0, 6.0, 7.0, 2.0]] * 6}
@@ -194,10 +199,14 @@ def unfinished(engine: Engine) -> int:
         return session.scalar(select(func.count()).where(Application.state.not_in(final))) or 0
 
 
-def latencies(settings: Settings, applications: int, tasks: int) -> dict[str, list[float]]:
-    """Seconds that each submission and each question for a state took, asked by fifty clients at once."""
+def latencies(settings: Settings, applications: int, tasks: int) -> dict[str, dict[str, float]]:
+    """Seconds that each submission and each question for a state took, asked by fifty clients at once.
+
+    The clients are threads of this process, each with a connection of its own; what they send is written before.
+    """
     port = str(free_port())
-    sent, asked = body(tasks), {"submit": [], "status": []}  # type: ignore[var-annotated]
+    sent = json.dumps(body(tasks)).encode()
+    asked: dict[str, list[float]] = {"submit": [], "status": []}
 
     def timed(what: str, ask: Callable[[], httpx.Response]) -> dict[str, Any]:
         began = time.perf_counter()
@@ -207,27 +216,36 @@ def latencies(settings: Settings, applications: int, tasks: int) -> dict[str, li
         result: dict[str, Any] = answer.json()
         return result
 
-    def use(count: int) -> None:
-        with httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=START_S) as http:
-            answers = [timed("submit", lambda: http.post("/v1/applications", json=sent)) for _ in range(count)]
-        mine.extend(answer["id"] for answer in answers)
+    def use(_: int) -> list[str]:
+        answers = [
+            timed("submit", lambda: http.post("/v1/applications", content=sent, headers=JSON))
+            for _ in range(applications // CLIENTS)
+        ]
+        return [str(answer["id"]) for answer in answers]
 
-    def watch(application_id: str) -> None:
-        with httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=START_S) as http:
+    def watch(mine: list[str]) -> None:
+        for application_id in mine:
             state = ApplicationState.QUEUED
             while not state.final:
-                answer = timed("status", lambda: http.get(f"/v1/applications/{application_id}"))
+                answer = timed("status", lambda: http.get(f"/v1/applications/{application_id}"))  # noqa: B023
                 state = ApplicationState(answer["state"])
                 time.sleep(ASK_EVERY_S)
 
-    mine: list[str] = []
-    with running(settings, run_api, run_relay, run_worker, BENCHMARK_PORT=port):
+    with (
+        running(settings, run_api, run_relay, run_worker, BENCHMARK_PORT=port),
+        ThreadPoolExecutor(CLIENTS) as clients,
+        httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=START_S, limits=CONNECTIONS) as http,
+    ):
         wait_for(lambda: _up(port))
-        with ThreadPoolExecutor(CLIENTS) as clients:
-            list(clients.map(use, [applications // CLIENTS] * CLIENTS))
-        with ThreadPoolExecutor(CLIENTS) as clients:
-            list(clients.map(watch, mine))
-    return asked
+        ours = list(clients.map(use, range(CLIENTS)))
+        list(clients.map(watch, ours))
+    return {what: figures(seconds) for what, seconds in asked.items()}
+
+
+def figures(seconds: list[float]) -> dict[str, float]:
+    """What is kept of many durations."""
+    median, most_of_them, most = (float(np.quantile(seconds, q)) for q in (0.5, 0.95, 1.0))
+    return {"count": len(seconds), "median_s": median, "p95_s": most_of_them, "most_s": most}
 
 
 def _up(port: str) -> bool:
@@ -242,6 +260,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--applications", type=int, default=40)
+    parser.add_argument("--submitted", type=int, default=100, help="applications that the fifty clients submit")
     parser.add_argument("--tasks", type=int, default=100)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--no-latencies", action="store_true")
@@ -259,8 +278,7 @@ def main() -> None:
             database_url=url,
             broker_url=redis.url,
             workers=arguments.workers,
-            max_queued_jobs=10**6,
-            rate_per_minute=0,
+            **ABUNDANT,
         )
         upgrade(url)
         engine = make_engine(url)
@@ -269,15 +287,12 @@ def main() -> None:
             found["path_per_s"].append(round(path_rate(engine, settings, arguments.applications, arguments.tasks)))
             print(found, flush=True)
         if not arguments.no_latencies:
-            asked = latencies(settings, 100, arguments.tasks)
-            for what, seconds in asked.items():
-                quantiles = [float(np.quantile(seconds, q)) for q in (0.5, 0.95, 1.0)]
-                found[what] = {
-                    "count": len(seconds),
-                    "median_s": quantiles[0],
-                    "p95_s": quantiles[1],
-                    "most_s": quantiles[2],
-                }
+            found["latencies"] = {"Postgres, Redis": latencies(settings, arguments.submitted, arguments.tasks)}
+            home = Path(folder) / "embedded"
+            embedded = Settings(**ABUNDANT, home=home, workers=arguments.workers)
+            upgrade(embedded.database_url)
+            found["latencies"]["SQLite, embedded"] = latencies(embedded, arguments.submitted, arguments.tasks)
+            print(found["latencies"], flush=True)
         engine.dispose()
     RESULTS.write_text(json.dumps(found, indent=1) + "\n")
     show(found)
@@ -293,15 +308,15 @@ def show(found: dict[str, Any]) -> None:
     put(
         "throughput", table([f"{found['jobs']} of them, {found['workers']} processes", "a second", "of the bare"], rows)
     )
-    if "submit" not in found:
+    if "latencies" not in found:
         return
     named = {"submit": "submit 100 tasks", "status": "state of an application"}
     rows = [
-        [name, f"{at['count']}", *(f"{1e3 * at[q]:.0f}" for q in ("median_s", "p95_s", "most_s"))]
-        for key, name in named.items()
-        for at in [found[key]]
+        [pair, named[what], f"{at['count']}", *(f"{1e3 * at[q]:.0f}" for q in ("median_s", "p95_s", "most_s"))]
+        for pair, asked in found["latencies"].items()
+        for what, at in asked.items()
     ]
-    put("latency", table(["50 clients at once", "asked", "median ms", "95 % ms", "most ms"], rows))
+    put("latency", table(["on", "50 clients at once", "asked", "median ms", "95 % ms", "most ms"], rows))
 
 
 if __name__ == "__main__":

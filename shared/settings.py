@@ -27,6 +27,10 @@ class Settings(BaseSettings):
     workers: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=1)
     """Solver processes of one worker."""
 
+    solver_niceness: int = Field(10, ge=0, le=19)
+    """How far solver processes give way to whatever else wants a processor of their machine, the API and the database
+    first of all: 0 not at all, 19 as far as can be. Where nothing else does, they lose nothing."""
+
     lease_s: float = Field(45.0, gt=0)
     """How long a claimed job belongs to its worker without a sign of life."""
     heartbeat_s: float = Field(10.0, gt=0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import lru_cache
 
 from celery import shared_task
@@ -27,6 +28,11 @@ def run_job_task(job_id: str) -> None:
 
 @lru_cache(maxsize=1)
 def _process() -> tuple[Engine, Settings]:
-    """Settings from the environment, and one engine a process, made after the fork."""
+    """Settings from the environment, and one engine a process, made after the fork, as what else a process is told.
+
+    Its heartbeat gives way with it: a tenth of a processor is left even beside one that is busy, and a lease waits for
+    four beats. The worker's parent, which hands out messages, gives way to nobody.
+    """
     settings = Settings()
+    os.nice(settings.solver_niceness)
     return make_engine(settings.database_url, asks_first=False), settings  # `run_job` is patient

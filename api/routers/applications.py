@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+from functools import partial
 from typing import Annotated
 
+from anyio import to_thread
 from fastapi import APIRouter, Header, Query, Request, Response
 
 from api.access import OwnerOf
@@ -26,7 +28,7 @@ Limit = Annotated[int, Query(ge=1, le=1000)]
 
 
 @router.post("", status_code=202)
-def submit_application(
+async def submit_application(
     body: ApplicationRequest,
     response: Response,
     ctx: Ctx,
@@ -34,10 +36,12 @@ def submit_application(
     idempotency_key: Annotated[str | None, Header(min_length=1, max_length=200)] = None,
 ) -> Accepted:
     """Validate and store an application; its jobs start as workers are free."""
-    application_id, new = submit(ctx.engine, ctx.settings, body, idempotency_key, owner)
+    work = partial(submit, ctx.engine, ctx.settings, body, idempotency_key, owner)
+    application_id, new = await to_thread.run_sync(work, limiter=ctx.submitting)
     url = f"/v1/applications/{application_id}"
     response.headers["Location"], response.headers["Retry-After"] = url, POLL_AFTER_S
-    state = ApplicationState.QUEUED if new else views.state_of(ctx.engine, application_id)
+    seen = partial(views.state_of, ctx.engine, application_id)
+    state = ApplicationState.QUEUED if new else await to_thread.run_sync(seen)
     return Accepted(id=application_id, state=state, url=url)
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import threading
 import time
 
@@ -75,3 +77,12 @@ def test_a_process_forked_while_the_parent_writes_can_write(
     finally:
         stop.set()
         parent.join()
+
+
+def test_solver_processes_give_way() -> None:
+    """As much as is set, and no less than whoever started them."""
+    asked = {**os.environ, "ARMATURE_SOLVER_NICENESS": "7"}
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    program = "import os; from worker.tasks import _process; _process(); print(os.getpriority(os.PRIO_PROCESS, 0))"
+    said = subprocess.run([sys.executable, "-c", program], env=asked, capture_output=True, text=True, check=True)
+    assert int(said.stdout) == min(before + 7, 19)
