@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from sqlalchemy import Engine, func, select, update
+from sqlalchemy import ColumnElement, Engine, func, select, update
 from sqlalchemy.orm import Session
 
 from shared.db.clock import now
@@ -62,8 +62,9 @@ def recall(engine: Engine) -> int:
     For a broker that is empty although jobs wait: it lost its queue, and that is no reason to wait ever longer.
     """
     with transaction(engine) as session:
-        waiting = update(Outbox).where(*SENT_AND_WAITING)
-        return len(session.execute(waiting.values(due_at=now(), sent=1).returning(Outbox.job_id)).all())
+        waiting = update(Outbox).where(_free(*SENT_AND_WAITING)).values(due_at=now(), sent=1)
+        options = {"synchronize_session": False}
+        return len(session.execute(waiting.returning(Outbox.job_id), execution_options=options).all())
 
 
 def unclaimed(engine: Engine) -> int:
@@ -75,4 +76,15 @@ def unclaimed(engine: Engine) -> int:
 def _put_off(session: Session, job_ids: list[str], seconds: float, sent: int | None = None) -> None:
     """Unless they were claimed meanwhile."""
     values = {"due_at": now() + seconds} | ({} if sent is None else {"sent": sent})
-    session.execute(update(Outbox).where(Outbox.job_id.in_(job_ids), Outbox.due_at.is_not(None)).values(values))
+    still_due = _free(Outbox.job_id.in_(job_ids), Outbox.due_at.is_not(None))
+    session.execute(update(Outbox).where(still_due).values(values).execution_options(synchronize_session=False))
+
+
+def _free(*which: ColumnElement[bool]) -> ColumnElement[bool]:
+    """The rows of these that nobody else is changing.
+
+    Who changes one at this moment claims its job, cancels or deletes it, or has sent it too. The relay has many rows at
+    a time, of many applications: if it waited for one of them, whoever has that might wait for another of them. So it
+    waits for none; a message that it sent and could not mark may be sent once more.
+    """
+    return Outbox.job_id.in_(select(Outbox.job_id).where(*which).with_for_update(skip_locked=True))

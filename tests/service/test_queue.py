@@ -6,7 +6,7 @@ import threading
 from collections import Counter
 
 import pytest
-from sqlalchemy import Engine, func, select, text
+from sqlalchemy import Engine, func, select, text, update
 
 from services.jobs import outbox, views
 from services.jobs.cancel import cancel, delete_application
@@ -31,6 +31,10 @@ from tests.service.queue_actions import (
     take,
 )
 from tests.service.requests import application
+
+WAITING_FOR_A_LOCK = text(
+    "SELECT pid FROM pg_stat_activity WHERE wait_event_type = 'Lock' AND datname = current_database()"
+)
 
 
 def test_an_application_runs_through_its_stages(engine: Engine, settings: Settings) -> None:
@@ -235,6 +239,26 @@ def test_the_relay_sends_each_job_and_again_when_nobody_claims(engine: Engine, s
     take(engine)
     assert relay(engine, sent.append, resend_after_s=30.0) == 2
     assert [row.sent for row in rows(engine, select(Outbox.sent).where(Outbox.due_at.is_not(None)))] == [2, 2]
+
+
+@pytest.mark.parametrize("database_url", ["postgres"], indirect=True)
+def test_the_relay_waits_for_nobody_who_changes_messages(engine: Engine, settings: Settings) -> None:
+    """It marks many at once; someone who has one of them and wants another must not wait for it while it waits."""
+    submit(engine, settings, application())
+    first, _, last = queued(engine)
+    sent: list[str] = []
+    relaying = threading.Thread(target=lambda: relay(engine, sent.append, 30.0))
+    with engine.begin() as other:
+        silence = update(Outbox).values(due_at=None)
+        other.execute(silence.where(Outbox.job_id == last))
+        relaying.start()
+        while relaying.is_alive() and not rows(engine, WAITING_FOR_A_LOCK):
+            relaying.join(0.05)
+        other.execute(silence.where(Outbox.job_id == first))
+    relaying.join()
+    assert sorted(sent) == queued(engine)
+    assert [row.sent for row in rows(engine, select(Outbox.sent).order_by(Outbox.job_id))] == [1, 1, 0]
+    assert relay(engine, sent.append, 30.0) == 0
 
 
 def test_a_crash_between_publish_and_mark_doubles_and_loses_nothing(
