@@ -11,11 +11,11 @@ from math import ceil
 from statistics import median
 from typing import Any
 
-from sqlalchemy import func, select
+from sqlalchemy import Integer, String, bindparam, func, select
 from sqlalchemy.orm import Session
 
 from shared.db.clock import now
-from shared.db.tables import Application, Event, Job
+from shared.db.tables import Application, Event, Job, table_of
 from shared.domain import JobState
 
 ENOUGH = 3
@@ -28,37 +28,46 @@ COMPILING = "compiling"
 """Kind of the event that says that a job waits for a compiler (`services.jobs.claim.report_compiling`)."""
 
 
+JOBS, EVENTS = table_of(Job), table_of(Event)
+_APPLICATION, _GENERATION = bindparam("application", type_=String), bindparam("generation", type_=Integer)
+_OF_APPLICATION = (JOBS.c.application_id == _APPLICATION, JOBS.c.generation == _GENERATION)
+
+# Asked once a second by everyone who waits; so these are not put together anew each time.
+_FIRST_END = select(func.min(JOBS.c.finished_at)).where(*_OF_APPLICATION).scalar_subquery()
+_ENDED = (
+    select(JOBS.c.finished_at - JOBS.c.started_at, JOBS.c.worker, now() - JOBS.c.finished_at)
+    .where(*_OF_APPLICATION, JOBS.c.started_at >= _FIRST_END)
+    .where(JOBS.c.state.in_([JobState.SUCCEEDED, JobState.FAILED]))
+    .order_by(JOBS.c.finished_at.desc())
+    .limit(LATEST)
+)
+_RUNNING = select(JOBS.c.worker).where(*_OF_APPLICATION, JOBS.c.state == JobState.RUNNING)
+_TOLD = (
+    select(EVENTS.c.number, EVENTS.c.content)
+    .where(EVENTS.c.application_id == _APPLICATION, EVENTS.c.kind == COMPILING)
+    .order_by(EVENTS.c.number)
+)
+
+
 def time_left(session: Session, application: Application, jobs: int) -> float | None:
     """Time for so many more jobs [s]: a usual job's time, in as many rounds as the workers at hand need.
 
     The median is the usual: one job that had to compile after all does not move it. None while too few jobs have
     ended, and while nobody works.
     """
-    of_application = (Job.application_id == application.id, Job.generation == application.generation)
-    first_end = select(func.min(Job.finished_at)).where(*of_application).scalar_subquery()
-    ended: Sequence[Any] = session.execute(
-        select(Job.finished_at - Job.started_at, Job.worker, now() - Job.finished_at)
-        .where(*of_application, Job.started_at >= first_end)
-        .where(Job.state.in_([JobState.SUCCEEDED, JobState.FAILED]))
-        .order_by(Job.finished_at.desc())
-        .limit(LATEST)
-    ).all()
+    of = {"application": application.id, "generation": application.generation}
+    ended: Sequence[Any] = session.execute(_ENDED, of).all()
     if len(ended) < ENOUGH:
         return None
     usual = median(seconds for seconds, _, _ in ended)
     lately = {worker for _, worker, ago in ended if ago < max(usual, LATELY_S)}
-    running = session.scalars(select(Job.worker).where(*of_application, Job.state == JobState.RUNNING)).all()
-    workers = len(lately.union(running))
+    workers = len(lately.union(session.scalars(_RUNNING, of)))
     return ceil(jobs / workers) * usual if workers else None
 
 
 def compiling(session: Session, application: Application) -> bool:
     """Whether the latest that was heard of a running job is that it compiles."""
-    told = session.execute(
-        select(Event.number, Event.content)
-        .where(Event.application_id == application.id, Event.kind == COMPILING)
-        .order_by(Event.number)
-    )
+    told = session.execute(_TOLD, {"application": application.id})
     latest = {content["job_id"]: number for number, content in told}
     return any(_still(session, application, job_id, number) for job_id, number in latest.items())
 
