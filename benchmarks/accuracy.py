@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from services.codesign.accuracy import FIRST, solve_accurately
+from services.codesign.accuracy import solve_accurately
 from services.codesign.certify import Certificate, certify
-from services.codesign.problem import Accuracy, Objective, Problem, Task, Transcription
+from services.codesign.problem import FIRST, Accuracy, Objective, Problem, Task, Transcription
 from services.codesign.program import load_program
 from services.codesign.robot import Robot
 from services.codesign.solve import SolverOptions, solve

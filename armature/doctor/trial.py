@@ -17,10 +17,9 @@ def trial(cache: Path) -> dict[str, Any]:
     """Load the kernels, then solve."""
     import numpy as np
 
-    from services.codesign.accuracy import FIRST
     from services.codesign.kernels import load_kernels
     from services.codesign.motor_data import MotorData
-    from services.codesign.problem import Objective, Problem, Task
+    from services.codesign.problem import FIRST, Objective, Problem, Task
     from services.codesign.robot import Robot
     from services.codesign.solve import solve
 

@@ -13,14 +13,10 @@ import numpy as np
 
 from services.codesign.certify import Certificate, certify
 from services.codesign.collocation import DEGREES
-from services.codesign.problem import Accuracy, Problem, Transcription
+from services.codesign.problem import FIRST, Accuracy, Problem, Transcription
 from services.codesign.solve import Progress, Solution, SolverOptions, solve
 from services.codesign.solver import INTERRUPTED, STOPPED
 from services.codesign.starts import StartRun, solve_from_starts
-
-FIRST = Transcription("radau", 3, 50, "current")
-"""Keeps the default accuracy at once for the paper's tasks. Degree 2 exceeds limits by up to 1 percent between points,
-and 25 intervals cost 1.5 percent of the minimum time: departure 12 (docs/model.md)."""
 
 MOST_REFINEMENTS = 4
 MOST_INTERVALS = 200

@@ -92,6 +92,11 @@ class Transcription:
         return IntervalLayout(joints, self.scheme, self.degree, self.control, self.dynamics, free_gears)
 
 
+FIRST = Transcription("radau", 3, 50, "current")
+"""What an accuracy is first tried with: keeps the default one at once for the paper's tasks. Degree 2 exceeds limits by
+up to 1 percent between points, and 25 intervals cost 1.5 percent of the minimum time: departure 12 (docs/model.md)."""
+
+
 @dataclass(frozen=True)
 class Accuracy:
     """What a replay of the motion has to keep to; the defaults are those of new applications."""

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from services.codesign.accuracy import FIRST
 from services.codesign.catalogue import Catalogue, CatalogueMotor
 from services.codesign.comparison import over_tasks
 from services.codesign.freedom import Freedom, FreedomError, FreeGear, TieBreak
 from services.codesign.motor_data import DIMENSIONS, MotorData
-from services.codesign.problem import Accuracy, Objective, Problem, Task, Transcription
+from services.codesign.problem import FIRST, Accuracy, Objective, Problem, Task, Transcription
 from services.codesign.robot import Robot
 from services.jobs.design_wire import MILLIMETRE, design_array
 from shared.contracts.application import (

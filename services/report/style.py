@@ -144,7 +144,15 @@ def svg_text(figure: Figure) -> str:
 
 def _write(figure: Figure, to: Path | TextIO, kind: Format) -> None:
     with style():
+        _lay_out(figure)
         figure.savefig(to, format=kind, metadata=dict(_NO_TIMESTAMP[kind]), dpi=PNG_DOTS_PER_INCH)
+
+
+def _lay_out(figure: Figure) -> None:
+    """Place everything, once. `savefig` would draw the whole figure once more for it, and throw the drawing away."""
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)
 
 
 def light_grid(axes: Axes, axis: Literal["x", "y", "both"] = "y") -> None:

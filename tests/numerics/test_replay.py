@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from services.codesign import accuracy as accuracy_module
-from services.codesign.accuracy import FIRST, MOST_INTERVALS, refined, solve_accurately
+from services.codesign.accuracy import MOST_INTERVALS, refined, solve_accurately
 from services.codesign.certify import BALANCE_TOLERANCE, Certificate, Growth, LimitCheck, certify
 from services.codesign.motion import Motion, motors_of_design
 from services.codesign.plant import cross_implicitly
-from services.codesign.problem import Accuracy, Problem, Task, Transcription
+from services.codesign.problem import FIRST, Accuracy, Problem, Task, Transcription
 from services.codesign.replay import ReplayError, replay
 from services.codesign.robot import Robot
 from services.codesign.runge_kutta import Stepper

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.codesign.accuracy import FIRST, solve_accurately
+from services.codesign.accuracy import solve_accurately
 from services.codesign.guess import quintic_guess
 from services.codesign.instance import build_instance
-from services.codesign.problem import Accuracy, Problem, Transcription
+from services.codesign.problem import FIRST, Accuracy, Problem, Transcription
 from services.codesign.program import load_program
 from services.codesign.reconcile import violation
 from services.codesign.solve import SolverOptions, solve

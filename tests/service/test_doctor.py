@@ -20,10 +20,9 @@ from armature.doctor.machine import compiler, cores, disk, kernel_cache, memory
 from armature.doctor.solver import judged, trial_solve
 from armature.doctor.stores import broker, database
 from armature.doctor.trial import EXPECTED_S, TOLERANCE_S
-from services.codesign.accuracy import FIRST
 from services.codesign.kernels import cache_key
 from services.codesign.motor_data import MotorData
-from services.codesign.problem import Objective, Problem, Task
+from services.codesign.problem import FIRST, Objective, Problem, Task
 from services.codesign.robot import Robot
 from shared.db.migrate import downgrade, head_revision, upgrade
 from shared.settings import Settings

@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from services.codesign.accuracy import FIRST
-from services.codesign.problem import Accuracy, Transcription
+from services.codesign.problem import FIRST, Accuracy, Transcription
 from services.jobs.resolve import resolve
 from services.jobs.resolved import ResolvedApplication
 from shared.contracts.application import AccuracyRequest, ApplicationRequest
