@@ -1,8 +1,8 @@
 """Accuracy on request: solve, replay, and refine where the error sits, until the motion keeps what was asked for.
 
-Currents are the control: the voltages that follow can be replayed (MODEL section 5; departure 12 in docs/model.md). Where
-few intervals are to blame they are halved (h); where most are, the degree rises (p). Each solve starts from the motion
-before it.
+Currents are the control: the voltages that follow can be replayed (MODEL section 5), and the minimum time settles at
+first order: departure 12 (docs/model.md). Where few intervals are to blame they are halved (h); where most are, the
+degree rises (p). Each solve starts from the motion before it.
 """
 
 from __future__ import annotations
