@@ -13,8 +13,8 @@ from sqlalchemy import Engine
 
 from shared.settings import Settings
 
-MOST_SUBMITTING = 2
-"""One submission computes while another waits for the database. More would not end sooner: they would take the
+MOST_SUBMITTING = 4
+"""One submission computes while others wait for the database. More would not end sooner: they would take the
 interpreter from the questions between them, and SQLite, which has one writer, makes those that wait sleep."""
 
 
