@@ -27,7 +27,7 @@ class Settings(BaseSettings):
     workers: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=1)
     """Solver processes of one worker."""
 
-    solver_niceness: int = Field(10, ge=0, le=19)
+    solver_niceness: int = Field(5, ge=0, le=19)
     """How far solver processes give way to whatever else wants a processor of their machine, the API and the database
     first of all: 0 not at all, 19 as far as can be. Where nothing else does, they lose nothing."""
 
