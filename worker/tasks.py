@@ -30,8 +30,8 @@ def run_job_task(job_id: str) -> None:
 def _process() -> tuple[Engine, Settings]:
     """Settings from the environment, and one engine a process, made after the fork, as what else a process is told.
 
-    Its heartbeat gives way with it: a quarter of a processor is left to it beside whoever is busy, and a lease waits for
-    four beats. The worker's parent, which hands out messages, gives way to nobody.
+    Its heartbeat gives way with it: a quarter of a processor is left to it beside whoever is busy, and a lease waits
+    for four beats. The worker's parent, which hands out messages, gives way to nobody.
     """
     settings = Settings()
     os.nice(settings.solver_niceness)
