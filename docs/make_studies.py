@@ -22,7 +22,7 @@ from services.report.totals_chart import totals_chart
 
 PAGE = Path(__file__).parent / "shared_optimum.md"
 IMAGES = Path(__file__).parent / "images"
-FULL_COLOUR_PERCENT = 60.0
+FULL_COLOUR_PERCENT, PAPER_FULL_COLOUR_PERCENT = 60.0, 20.0
 MARKERS = {"two_step": "s", "empirical": "^", "worst_case": "o"}
 COLOURS = {"two_step": "#d98200", "empirical": "#8f4a8b", "worst_case": "#c8361d"}
 
@@ -30,6 +30,7 @@ COLOURS = {"two_step": "#d98200", "empirical": "#8f4a8b", "worst_case": "#c8361d
 def main() -> None:
     """Write the images, then the tables between the page's markers."""
     record = read("twelve_poses")["time"]
+    paper = read("paper")["time"]
     front = stored_sweep("front")
     assert front is not None, "the front has not been run: python -m benchmarks.studies.sweeps"
     with style():
@@ -40,6 +41,9 @@ def main() -> None:
             "shared-convergence": convergence(record),
             "shared-applications": margins(read("twelve_applications")),
             "shared-front": front_chart(front),
+            "shared-paper-maps": paper_maps(paper),
+            "shared-paper-designs": design_boxes(paper.designs, SHARED, MotorData()),
+            "shared-paper-convergence": convergence(paper),
         }
     for name, figure in figures.items():
         print(save(figure, IMAGES / f"{name}.png").name)
@@ -67,23 +71,54 @@ def single_design_map(record: Record) -> Figure:
     return figure
 
 
+def paper_maps(record: Record) -> Figure:
+    """By how much the shared optimum is faster than each other method, over strokes and payloads, in percent."""
+    grid = record.comparison.grid
+    assert grid is not None
+    shape = len(grid.stroke), len(grid.payload_kg)
+    figure = new_figure(11.0, 3.4)
+    panels = figure.subplots(1, len(MARKERS))
+    for axes, name in zip(panels, MARKERS, strict=True):
+        ours, theirs = (np.array(record.objectives[m], dtype=float).reshape(shape).T for m in (SHARED, name))
+        percent = 100 * (theirs - ours) / theirs
+        full = PAPER_FULL_COLOUR_PERCENT
+        axes.imshow(percent, cmap=IMPROVEMENT, vmin=-full, vmax=full, origin="lower")
+        for (row, column), value in np.ndenumerate(percent):
+            axes.text(
+                column,
+                row,
+                signed(value),
+                ha="center",
+                va="center",
+                fontsize=8,
+                color="white" if abs(value) > 0.75 * full else INK,
+            )
+        axes.set_xticks(range(shape[0]), [f"{stroke:g}" for stroke in grid.stroke])
+        axes.set_yticks(range(shape[1]), [f"{payload:g}" for payload in grid.payload_kg])
+        axes.set_xlabel("stroke λ [rad]")
+        axes.set_ylabel("payload [kg]")
+        axes.set_title(f"less time than {method_name(name)} [%]")
+        axes.tick_params(length=0)
+        axes.spines[:].set_visible(False)
+    return figure
+
+
 def convergence(record: Record) -> Figure:
     """The joint program's objective along its iterations, and the other designs' totals."""
     points = np.array(record.designs.methods[SHARED].convergence)
-    figure = new_figure(7.2, 3.6)
+    figure = new_figure(9.0, 3.6)
     axes = figure.subplots()
-    axes.plot(points[:, 0], points[:, 1], color=BLUE, label="joint program")
+    axes.plot(points[:, 0], points[:, 1], color=BLUE, label=f"joint program: {points[-1, 1]:.4f} s")
     for name in ("own", "two_step", "empirical", "worst_case"):
         total = record.judged(name)
         if total is not None:
-            axes.axhline(total, color=COLOURS.get(name, QUIET), linewidth=0.9, linestyle=(0, (4, 3)))
-            axes.annotate(
-                method_name(name), (points[-1, 0], total), (0, 3), textcoords="offset points", fontsize=8, ha="right"
-            )
+            look = {"color": COLOURS.get(name, QUIET), "linewidth": 0.9, "linestyle": (0, (4, 3))}
+            axes.axhline(total, label=f"{method_name(name)}: {total:.4f} s", **look)
     axes.set_xlabel("iteration")
     axes.set_ylabel("total time [s]")
     axes.set_title("The joint program from its start; points on the way do not obey all constraints yet")
     light_grid(axes)
+    figure.legend(loc="outside right upper")
     return figure
 
 

@@ -18,6 +18,22 @@ SHARED = "shared_optimum"
 MOST_LIMITS = 8
 
 
+def paper() -> str:
+    """Totals over the paper's 25 tasks, and in how many tasks the shared optimum is better."""
+    record = read("paper")["time"]
+    ours, reference = record.objectives[SHARED], record.judged(SHARED)
+    assert reference is not None
+    rows = []
+    for name, values in sorted(record.objectives.items(), key=lambda item: record.judged(item[0]) or np.inf):
+        total = record.judged(name)
+        better = sum(mine is not None and (its is None or mine < its) for mine, its in zip(ours, values, strict=True))
+        against = "-" if total is None else f"{100 * (total / reference - 1):+.2f}"
+        faster = "-" if name == SHARED else f"{better} of {len(values)}"
+        rows.append([method_name(name), _figure(total), against, faster])
+    head = ["design", "total time, s", "against the shared optimum, %", "tasks that the shared optimum does faster"]
+    return table(head, rows)
+
+
 def poses() -> str:
     """Every method on the twelve unlike poses, and the best of all single designs."""
     record = read("twelve_poses")["time"]
@@ -176,6 +192,7 @@ def _judged(record: Record, method: str) -> str:
 
 
 SECTIONS: Mapping[str, Callable[[], str]] = {
+    "paper": paper,
     "poses": poses,
     "applications": applications,
     "worst task": worst_task,
