@@ -31,7 +31,7 @@ reliability: test-faults ## the same, and write what was measured into docs/reli
 	$(BIN)/python -m benchmarks.reliability
 
 bench: $(READY_TO_DEVELOP) ## measure, and write the tables of docs/performance.md (half an hour)
-	@for part in solve_time growth random_tasks "random_tasks --kind energy" fan_out job_parts start_up memory throughput dashboard; do \
+	@for part in solve_time growth random_tasks "random_tasks --kind energy" infeasible_tasks fan_out job_parts start_up memory throughput dashboard; do \
 		echo "--- $$part"; OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.$$part || exit 1; done
 
 studies: $(READY_TO_DEVELOP) ## figures and tables of docs/shared_optimum.md, from the stored results

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from services.codesign.elimination import Elimination, border_stage, in_order, interval_stage, number_unknowns
 from services.codesign.guess import Guess
 from services.codesign.instance import Instance, scales_of
 from services.codesign.interval import IntervalLayout
@@ -40,6 +41,7 @@ class ElasticProgram:
     The parameter vector is the program's with the limits' sizes behind it.
     """
 
+    base: Program
     rows_x: np.ndarray  # variables with a limit
     rows_g: np.ndarray  # constraints that are limits
     group: np.ndarray  # which share each of them has, variables first
@@ -94,6 +96,7 @@ def _build(program: Program) -> ElasticProgram:
     f, gradient = ca.sum1(e), ca.DM([0.0] * program.variables + [1.0] * shares)
     constraints = ca.vertcat(g, limited - gives, limited + gives)
     return ElasticProgram(
+        base=program,
         rows_x=rows_x,
         rows_g=rows_g,
         group=group,
@@ -169,6 +172,28 @@ def limit_sizes(problem: Problem) -> np.ndarray:
     limits = np.where(np.isfinite(low), low, high)
     path = [(robot.joint_upper - robot.joint_lower) / 2, np.ones(3 * n)]
     return np.concatenate([*path, [problem.final_time_bounds[1]], np.tile(np.abs(limits), n)])
+
+
+def elastic_elimination(elastic: ElasticProgram, instance: Instance) -> Elimination:
+    """The program's own order; each limit's slack and multiplier go with what is limited, the shares come last."""
+    base, intervals = elastic.base, elastic.base.intervals
+    variable, slack, multiplier = number_unknowns(
+        instance.lower_x != instance.upper_x, instance.lower_g == instance.upper_g
+    )
+    stage = np.concatenate(
+        [
+            (elastic.rows_x - base.time_index - 1) // base.layout.variables,
+            np.minimum(elastic.rows_g // base.interval_constraints, intervals),
+        ]
+    )
+    stage[0] = intervals  # t_f
+    pairs = np.column_stack([slack, multiplier])[base.constraints :]
+    stages = [interval_stage(base, w, variable, slack, multiplier) for w in range(intervals)]
+    stages.append(border_stage(base, variable, slack, multiplier))
+    shares = variable[base.variables :]
+    stages[-1] = (stages[-1][0], np.append(stages[-1][1], shares[shares >= 0]))
+    where = np.tile(stage, 2)
+    return in_order([(np.concatenate([pairs[where == w], own]), rest) for w, (own, rest) in enumerate(stages)])
 
 
 def elastic_start(elastic: ElasticProgram, x: np.ndarray) -> Guess:

@@ -13,7 +13,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.integrate import DOP853
 
 Expression = Any
 
@@ -33,7 +32,7 @@ SAFETY, SHRINK, GROW = 0.9, 0.2, 8.0
 EXPONENT = -1 / 8
 TINY = 1e-12
 
-DENSE = len(DOP853.D) + 3
+DENSE = 7
 """Coefficients of the dense output, a polynomial of degree 7 in each step."""
 
 
@@ -44,6 +43,8 @@ def step_function(slopes: ca.Function, tolerance: float, quadrature_tolerance: f
     absolute and relative, quadratures to theirs; the step will do where `error` is at most 1. `dense` has a column
     for each coefficient of the states' polynomial.
     """
+    from scipy.integrate import DOP853  # a second that no process should wait for whose plants are compiled
+
     states, quadratures = slopes.size1_out(0), slopes.size1_out(1)
     t, h = ca.MX.sym("share"), ca.MX.sym("step")
     y, totals = ca.MX.sym("state", states), ca.MX.sym("totals", quadratures)

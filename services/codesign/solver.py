@@ -18,7 +18,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from services.codesign.elastic import ElasticProgram
+from services.codesign.elastic import ElasticProgram, elastic_elimination
 from services.codesign.elimination import Elimination, elimination
 from services.codesign.guess import Guess
 from services.codesign.instance import Instance
@@ -189,7 +189,7 @@ def run(
     if not _BUSY.acquire(blocking=False):
         raise RuntimeError("a solve is running in this process already: the linear algebra is not safe with threads")
     try:
-        staged = None if isinstance(program, ElasticProgram) else load_staged_ldl()  # whose order it does not fit
+        staged = load_staged_ldl()
         watch = (progress, attempt, deadline)
         outcome = _run_with(staged, program, instance, start, options, watch=watch)
         if staged is not None and (staged.refused or outcome.status in LINEAR_ALGEBRA_FAILED):
@@ -212,7 +212,7 @@ def _run_with(
     warm = start.lam_x is not None and start.lam_g is not None
     solver = _solver(program, options, warm, staged)
     solver.monitor.begin(*watch)
-    if staged is not None and not isinstance(program, ElasticProgram):
+    if staged is not None:
         staged.hand_over(_order(program, instance), options.threads if _of_all_tasks(program) else 1)
     began = time.perf_counter()
     with _interrupts_kept(solver.monitor):
@@ -243,7 +243,8 @@ def _order(program: AnyProgram, instance: Instance) -> Elimination:
         return shared_elimination(program, instance)
     if isinstance(program, TieBreakProgram):
         return tie_break_elimination(program, instance)
-    assert isinstance(program, Program), "an elastic program is left to MUMPS"
+    if isinstance(program, ElasticProgram):
+        return elastic_elimination(program, instance)
     return elimination(program, instance)
 
 

@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from services.codesign import solver as solver_module
 from services.codesign.elastic import (
     KEPT,
     elastic_instance,
@@ -21,7 +22,8 @@ from services.codesign.instance import build_instance
 from services.codesign.problem import Objective, Problem, Transcription
 from services.codesign.program import load_program
 from services.codesign.solve import solve
-from services.codesign.solver import SolverOptions, run
+from services.codesign.solver import MUMPS, STAGED, Outcome, SolverOptions, run
+from services.codesign.staged_ldl import load_staged_ldl
 from tests.numerics.tasks import UR5, paper_problem, paper_task
 
 COARSE = Transcription(intervals=15)
@@ -34,6 +36,11 @@ def energy_in(duration: float, **changes) -> Problem:
 
 
 def given_shares(problem: Problem) -> np.ndarray:
+    shares: np.ndarray = elastic_outcome(problem).x[-len(limit_sizes(problem)) :]
+    return shares
+
+
+def elastic_outcome(problem: Problem) -> Outcome:
     program = load_program(UR5, problem.layout, problem.transcription.intervals)
     instance = build_instance(problem, program)
     elastic = load_elastic(program)
@@ -42,7 +49,28 @@ def given_shares(problem: Problem) -> np.ndarray:
         elastic, elastic_instance(problem, elastic, instance), elastic_start(elastic, start.x), SolverOptions()
     )
     assert outcome.success
-    return outcome.x[program.variables :]
+    return outcome
+
+
+@pytest.mark.parametrize(
+    "transcription",
+    [
+        COARSE,
+        replace(COARSE, scheme="legendre", degree=2),
+        replace(COARSE, control="current", degree=3),
+    ],
+    ids=["paper", "legendre", "current"],
+)
+def test_our_factorisation_and_mumps_take_the_same_way(transcription, monkeypatch):
+    """The order of elimination fits the elastic program: it is not left to MUMPS, which knows of no order."""
+    if load_staged_ldl() is None:
+        pytest.skip("no compiler")
+    problem = replace(energy_in(SHORT), transcription=transcription)
+    ours = elastic_outcome(problem)
+    monkeypatch.setattr(solver_module, "load_staged_ldl", lambda: None)
+    theirs = elastic_outcome(problem)
+    assert (ours.linear_solver, theirs.linear_solver) == (STAGED, MUMPS)
+    assert ours.objective == pytest.approx(theirs.objective, rel=1e-6)
 
 
 @lru_cache(maxsize=1)
