@@ -20,7 +20,6 @@ from benchmarks.tables import put, table
 IMPORTS = (
     "numpy",
     "casadi",
-    "scipy.integrate",
     "sqlalchemy.orm",
     "celery.app.base",
     "celery.apps.worker",
