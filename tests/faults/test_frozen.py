@@ -11,8 +11,8 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from sqlalchemy import select, text
-from sqlalchemy.exc import DBAPIError, OperationalError
+from sqlalchemy import make_url, select, text
+from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
 from services.jobs.claim import claim
@@ -184,22 +184,21 @@ def test_a_lock_of_a_frozen_process_is_given_up(
 
 def _freeze_outside_a_transaction(service: Service, process: object) -> None:
     """Of SQLite there is one writer: frozen in the middle of a write it stops the service until it goes on."""
-    while True:
+    signal_family(process, signal.SIGSTOP)
+    while service.settings.embedded and _is_being_written(service.settings.database_url):
+        signal_family(process, signal.SIGCONT)
+        time.sleep(0.1)  # to end its write, among others that want the processor
         signal_family(process, signal.SIGSTOP)
-        if not service.settings.embedded:
-            return
-        engine = make_engine(service.settings.database_url)
-        with engine.connect() as connection:
-            connection.exec_driver_sql("ROLLBACK")
-            connection.exec_driver_sql("PRAGMA busy_timeout=200")
-            try:
-                connection.exec_driver_sql("BEGIN IMMEDIATE")
-            except OperationalError:
-                signal_family(process, signal.SIGCONT)
-                continue
-            finally:
-                engine.dispose()
-            return
+
+
+def _is_being_written(database_url: str) -> bool:
+    with closing(sqlite3.connect(str(make_url(database_url).database), timeout=0.2, isolation_level=None)) as database:
+        try:
+            database.execute("BEGIN IMMEDIATE")
+        except sqlite3.OperationalError:
+            return True
+        database.execute("ROLLBACK")
+        return False
 
 
 def _states(service: Service) -> list[str]:
