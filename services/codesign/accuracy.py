@@ -14,6 +14,7 @@ import numpy as np
 
 from services.codesign.certify import Certificate, certify
 from services.codesign.collocation import DEGREES
+from services.codesign.guess import Guess
 from services.codesign.problem import FIRST, Accuracy, Problem, Transcription
 from services.codesign.solve import Progress, Solution, SolverOptions, solve
 from services.codesign.solver import INTERRUPTED, STOPPED
@@ -63,16 +64,17 @@ def solve_accurately(
     first: Transcription = FIRST,
     *,
     starts: int = 1,
+    known: Guess | None = None,
 ) -> AccurateSolution:
     """Solve a problem so that its replay meets `accuracy`; the problem's own transcription is not looked at.
 
     An energy balance of the replay that stays open fails the motion too, but a finer grid would not close it. When the
     accuracy cannot be reached within `MOST_REFINEMENTS` solves and `MOST_INTERVALS` intervals, or a refined solve
     fails, the last motion is returned with `met` false. A solve that is stopped is returned as it is, without rounds.
-    With several `starts` the best of the first solve's is refined (`starts.py`).
+    With several `starts` the best of the first solve's is refined (`starts.py`), which may begin at a `known` point.
     """
     deadline = time.monotonic() + options.max_wall_time
-    best = solve_from_starts(replace(problem, transcription=first), starts, options, progress)
+    best = solve_from_starts(replace(problem, transcription=first), starts, options, progress, known)
     solution = best.solution
     if not solution.success:
         return AccurateSolution(solution, (), met=False)

@@ -34,6 +34,15 @@ class Guess:
     lam_g: np.ndarray | None = None
 
 
+@dataclass(frozen=True)
+class MotionPoint:
+    """A motion as a program has it, scaled, with its multipliers; apart from the design that it is made with."""
+
+    x: np.ndarray  # t_f, then the intervals' variables
+    lam_x: np.ndarray  # of the same
+    lam_g: np.ndarray  # of the intervals' constraints
+
+
 def starting_design(problem: Problem) -> np.ndarray:
     """The design that the first rungs start from, (n, 7) [m]: the given one, or one well inside the feasible set."""
     if problem.design is not None:
@@ -105,6 +114,25 @@ def motion_guess(problem: Problem, program: Program, instance: Instance, design:
     final_time = float(np.clip(motion.final_time, low, high))
     return Guess(
         _assemble(problem, program, instance, design, final_time=final_time, states=np.hstack(states), tail=tail)
+    )
+
+
+def point_guess(problem: Problem, program: Program, point: MotionPoint) -> Guess:
+    """Start where another program of the same grid ended, with the design that the problem gives.
+
+    Raises
+    ------
+    ValueError
+        For a problem that leaves its design free.
+    """
+    if problem.design is None:
+        raise ValueError("a motion's point is a start for a problem with a given design")
+    lengths = (problem.design / scales_of(problem).design).ravel()
+    unbound = np.zeros(program.constraints - len(point.lam_g))  # a given design is not judged again (`instance`)
+    return Guess(
+        x=np.concatenate([lengths, point.x]),
+        lam_x=np.concatenate([np.zeros(len(lengths)), point.lam_x]),
+        lam_g=np.concatenate([point.lam_g, unbound]),
     )
 
 

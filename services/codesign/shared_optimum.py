@@ -6,12 +6,13 @@ eliminated motion by motion it costs about as much as the two-step process itsel
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from services.codesign.guess import Guess, motion_guess
+from services.codesign.comparison import over_tasks
+from services.codesign.guess import Guess, MotionPoint, motion_guess
 from services.codesign.instance import build_instance, objective_scale, scales_of
 from services.codesign.kept import Kept
 from services.codesign.limits import LimitSlope, binding, design_slopes
@@ -20,7 +21,7 @@ from services.codesign.optimality import Optimality, optimality
 from services.codesign.problem import Problem
 from services.codesign.program import Program, program_of
 from services.codesign.shared_program import SharedProgram, build_shared_program
-from services.codesign.solver import IterationReport, Progress, SolverOptions, run
+from services.codesign.solver import IterationReport, Outcome, Progress, SolverOptions, run
 from services.codesign.tie_break import preferred
 
 _PROGRAMS: Kept[SharedProgram] = Kept(2)
@@ -54,6 +55,7 @@ class SharedOptimum:
     convergence: tuple[tuple[int, float], ...]  # (iteration, objective)
     deciding: tuple[float, ...] = ()  # how much each task decides about the worst one's objective, sum 1; () without
     design_limits: Mapping[str, LimitSlope] = field(default_factory=dict)  # that hold the design back, by name
+    motions: tuple[MotionPoint, ...] = ()  # at an optimum, one a task
 
 
 def solve_shared(
@@ -87,7 +89,8 @@ def solve_shared(
         for problem, part, motion in zip(problems, parts, start.motions, strict=True)
     ]
     unit = objective_scale(problems[0]) * len(weights) / sum(weights)
-    instance = program.instance(parts, *_weights(weights, worst_share))
+    shares, worst_weight = _weights(weights, worst_share)
+    instance = program.instance(parts, shares, worst_weight)
     convergence: list[tuple[int, float]] = []
 
     def watched(report: IterationReport) -> bool:
@@ -105,6 +108,9 @@ def solve_shared(
     scaled, _, _ = task.split(outcome.x[program.variables_of(0)])
     reached = scaled * scales_of(problems[0]).design
     lam_motors = outcome.lam_g[program.constraints_of(0)[task.intervals * task.interval_constraints :]]
+    found = [outcome.x[program.variables_of(k)] for k in range(len(problems))]
+    values = [float(task.nlp(x, part.parameters)[0]) for x, part in zip(found, parts, strict=True)]
+    objective = over_tasks(values, weights, worst_share) / objective_scale(problems[0])
     design_limits = design_slopes(problems[0].motor, outcome.lam_x[: task.lengths] / unit, lam_motors / unit)
     return SharedOptimum(
         success=outcome.success,
@@ -112,14 +118,29 @@ def solve_shared(
         design=reached if outcome.success else None,
         reached=reached,
         gear_ratio=with_gears_of(problems[0], task, outcome.x).robot.gear_ratio,
-        objective=outcome.objective / unit,
+        objective=objective,
         iterations=outcome.iterations,
         solve_time=outcome.seconds,
         optimality=certificate,
         convergence=tuple(convergence),
         deciding=_deciding(outcome.lam_g[program.worst_rows]),
-        design_limits=binding(design_limits, outcome.objective / unit),
+        design_limits=binding(design_limits, objective),
+        motions=tuple(_motions(program, outcome, shares)) if outcome.success else (),
     )
+
+
+def _motions(program: SharedProgram, outcome: Outcome, shares: Sequence[float]) -> Iterator[MotionPoint]:
+    """Each task's motion, with the multipliers that it has in the task's own program.
+
+    The joint program counts a task's objective with its share and the multiplier that holds it below the worst one;
+    its multipliers over these are the task's own.
+    """
+    task = program.task
+    of_worst = outcome.lam_g[program.worst_rows] if program.has_worst else np.zeros(program.tasks)
+    for k, weight in enumerate(shares + of_worst):
+        motion = program.variables_of(k)[task.design_size :]
+        constraints = program.constraints_of(k)[: task.intervals * task.interval_constraints]
+        yield MotionPoint(outcome.x[motion], outcome.lam_x[motion] / weight, outcome.lam_g[constraints] / weight)
 
 
 def _weights(weights: Sequence[float], worst_share: float) -> tuple[list[float], float]:

@@ -49,7 +49,7 @@ STAGED, MUMPS = "staged", "mumps"
 METIS = 5
 """MUMPS' number for the METIS ordering: 45 percent less time than its own choice (MODEL section 4)."""
 
-WARM_START_BARRIER = 1e-4
+WARM_START_BARRIER = 1e-5
 """First barrier parameter of a start with multipliers; IPOPT's 0.1 would throw the start away."""
 
 

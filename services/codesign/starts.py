@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.codesign.guess import quintic_guess, starting_design
+from services.codesign.guess import Guess, quintic_guess, starting_design
 from services.codesign.instance import build_instance
 from services.codesign.ladder import attempt_once
 from services.codesign.problem import Problem
@@ -59,15 +59,21 @@ class BestOfStarts:
 
 
 def solve_from_starts(
-    problem: Problem, starts: int, options: SolverOptions, progress: Progress | None = None
+    problem: Problem,
+    starts: int,
+    options: SolverOptions,
+    progress: Progress | None = None,
+    known: Guess | None = None,
 ) -> BestOfStarts:
     """Solve a problem from `starts` starts, within `options.max_wall_time` all together, and keep the best.
+
+    A `known` point is tried in the first one, before its ladder.
 
     Where the design and the time are both given the starts are all alike, and only one is tried. A solve that is
     stopped is returned as it is.
     """
     deadline = time.monotonic() + options.max_wall_time
-    first = solve(problem, None, options, progress)
+    first = solve(problem, known, options, progress)
     if starts == 1 or first.status in (STOPPED, INTERRUPTED, NOT_ATTEMPTED):
         return BestOfStarts(first, ())
     found = [first]

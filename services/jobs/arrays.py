@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping
 from dataclasses import fields
 
 import numpy as np
 
+from services.codesign.guess import MotionPoint
 from services.codesign.motion import Motion
 from services.codesign.solution import Solution
 from services.codesign.voltage_law import VoltageLaw
@@ -28,6 +30,21 @@ def pack(solution: Solution, law: VoltageLaw) -> bytes:
     buffer = io.BytesIO()
     np.savez_compressed(buffer, design=solution.design, **arrays)
     return buffer.getvalue()
+
+
+def pack_points(points: Mapping[int, MotionPoint]) -> bytes:
+    """Where the joint program has the motions of these tasks, exact to the last bit."""
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer, **{f"{task}-{name}": getattr(point, name) for task, point in points.items() for name in POINT}
+    )
+    return buffer.getvalue()
+
+
+def unpack_point(blob: bytes, task: int) -> MotionPoint:
+    """One of them; the others stay packed."""
+    with np.load(io.BytesIO(blob), allow_pickle=False) as archive:
+        return MotionPoint(**{name: archive[f"{task}-{name}"] for name in POINT})
 
 
 def unpack(blob: bytes) -> dict[str, np.ndarray]:

@@ -11,9 +11,11 @@ import numpy as np
 
 from services.codesign.accuracy import solve_accurately
 from services.codesign.certify import Certificate, certify
+from services.codesign.guess import Guess, point_guess
 from services.codesign.limits import binding, limit_slopes
 from services.codesign.measures import Load, Measures
 from services.codesign.problem import Accuracy, Problem
+from services.codesign.program import program_of
 from services.codesign.reconcile import mean_design, project_design
 from services.codesign.solution import Solution
 from services.codesign.solve import SolverOptions, with_references
@@ -54,14 +56,15 @@ def execute(
         log.append((report.attempt, report.iteration, report.objective))
         return progress(report)
 
-    # Cold: the dynamic guess beats the task's own motion as a start for other motors (docs/performance.md).
+    # Cold, but for the shared optimum's motions: the dynamic guess beats the task's own motion as a start for other
+    # motors (docs/performance.md).
     outcome = _as_it_is if work.application.accuracy is None else _accurate
     return replace(outcome(work, problem, options, watched), log=tuple(log))
 
 
 def _as_it_is(work: Work, problem: Problem, options: SolverOptions, progress: Progress) -> Outcome:
     """A transcription that was asked for: solved as it is, and marked when the replay misses the default accuracy."""
-    found = solve_from_starts(problem, work.application.starts, options, progress)
+    found = solve_from_starts(problem, work.application.starts, options, progress, _known(work, problem))
     solution = found.solution
     if not solution.success:
         return _failed(solution)
@@ -70,11 +73,17 @@ def _as_it_is(work: Work, problem: Problem, options: SolverOptions, progress: Pr
     return _with_starts(_solved(work, solution, [certificate], wire), found.runs)
 
 
+def _known(work: Work, problem: Problem) -> Guess | None:
+    """With the shared optimum, the joint program's own motion: from elsewhere the task may end in a worse optimum."""
+    return None if work.point is None else point_guess(problem, program_of(problem), work.point)
+
+
 def _accurate(work: Work, problem: Problem, options: SolverOptions, progress: Progress) -> Outcome:
     """Refined until the replay meets the accuracy that was asked for; a motion that does not is no result."""
     accuracy = work.application.accuracy
     assert accuracy is not None
-    found = solve_accurately(problem, accuracy, options, progress, starts=work.application.starts)
+    starts, known = work.application.starts, _known(work, problem)
+    found = solve_accurately(problem, accuracy, options, progress, starts=starts, known=known)
     solution, certificate = found.solution, found.certificate
     if certificate is None:
         return _failed(solution)

@@ -17,6 +17,7 @@ from services.codesign.reconcile import project_design
 from services.codesign.shared_optimum import SharedOptimum, solve_shared
 from services.codesign.solve import solve, with_references
 from services.codesign.solver import STOPPED, IterationReport, Progress, SolverOptions
+from services.jobs.arrays import pack_points
 from services.jobs.certificates import finite
 from services.jobs.design_wire import design_wire
 from services.jobs.finish import Outcome
@@ -80,7 +81,8 @@ def find_shared_optimum(
     kept = f"not improved upon ({found.status}): the design of {inputs.method} stays" if better is None else None
     log = [(0, iteration, objective) for iteration, objective in found.convergence]
     designs = {SHARED: content} | snapped_designs(work.application, SHARED, design, gears)
-    return Outcome(JobState.SUCCEEDED, kept, summary=_how(found), log=log, designs=designs)
+    arrays = pack_points(dict(zip(inputs.tasks, found.motions, strict=True))) if at_optimum else None
+    return Outcome(JobState.SUCCEEDED, kept, summary=_how(found), arrays=arrays, log=log, designs=designs)
 
 
 def _problem(work: Work, inputs: SharedInputs, task: int) -> Problem:

@@ -9,14 +9,16 @@ import numpy as np
 from sqlalchemy import Engine, select
 from sqlalchemy.orm import Session, load_only
 
+from services.codesign.guess import MotionPoint
+from services.codesign.kept import Kept
 from services.codesign.motion import Motion
 from services.codesign.shared_optimum import SharedStart
 from services.codesign.solve import References
-from services.jobs.arrays import unpack_motion
+from services.jobs.arrays import unpack_motion, unpack_point
 from services.jobs.claim import Claim
 from services.jobs.design_wire import design_array
 from services.jobs.plan import JobSpec
-from services.jobs.resolved import ResolvedApplication
+from services.jobs.resolved import SHARED, ResolvedApplication
 from services.jobs.spec import spec_of
 from services.jobs.store import MOTION_STAGES, results_of
 from shared.contracts.application import MethodName
@@ -48,6 +50,7 @@ class Work:
     design: np.ndarray | None = None  # motions: the design given, (n, 7) m
     gear_ratio: np.ndarray | None = None  # motions: the design's, (n,), where gear ratios are free
     references: References | None = None  # motions of a weighted objective: those of the task's own solve
+    point: MotionPoint | None = None  # motions with the shared optimum: where the joint program has this one
     shared: SharedInputs | None = None  # shared optimum: the tasks in it, and where it starts
 
 
@@ -78,18 +81,13 @@ def _with_inputs(session: Session, held: Claim, resolved: ResolvedApplication) -
     if held.spec.stage not in MOTION_STAGES:
         return Work(held.spec, resolved, own, gears)
     design = session.get_one(Design, (application.id, application.generation, held.spec.method))
+    task = held.spec.task_index
+    of_application = (Result.application_id == application.id, Result.generation == application.generation)
     mine = None
     if resolved.objective.kind == "weighted":
-        mine = session.scalars(
-            select(Result)
-            .where(
-                Result.application_id == application.id,
-                Result.generation == application.generation,
-                Result.stage == Stage.CODESIGN,
-                Result.task_index == held.spec.task_index,
-            )
-            .options(load_only(Result.summary))
-        ).one_or_none()
+        of_task = select(Result).where(*of_application, Result.stage == Stage.CODESIGN, Result.task_index == task)
+        mine = session.scalars(of_task.options(load_only(Result.summary))).one_or_none()
+    joint = _joint_motions(session, application) if held.spec.method == SHARED else None
     return Work(
         held.spec,
         resolved,
@@ -97,7 +95,23 @@ def _with_inputs(session: Session, held: Claim, resolved: ResolvedApplication) -
         design=design_array(design.content["design_mm"]),
         gear_ratio=_gears(design.content),
         references=_references(mine),
+        point=None if joint is None else unpack_point(joint, task),
     )
+
+
+_JOINT_MOTIONS: Kept[bytes | None] = Kept(2)
+"""Packed motions of the joint programs that were asked for last: some forty kilobytes a task, and each of a hundred
+jobs needs one task's."""
+
+
+def _joint_motions(session: Session, application: Application) -> bytes | None:
+    """Where the joint program has the motions; None where its design was no better and another's stays."""
+    statement = select(Result.arrays).where(
+        Result.application_id == application.id,
+        Result.generation == application.generation,
+        Result.stage == Stage.SHARED_OPTIMUM,
+    )
+    return _JOINT_MOTIONS.get((application.id, application.generation), lambda: session.scalar(statement))
 
 
 def _gears(stored: dict[str, Any]) -> np.ndarray | None:

@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 
 from services.codesign.comparison import over_tasks
-from services.codesign.instance import build_instance
+from services.codesign.guess import Guess, point_guess
+from services.codesign.instance import Instance, build_instance
+from services.codesign.optimality import optimality
 from services.codesign.problem import Objective, Problem, Task, Transcription
-from services.codesign.program import load_program
+from services.codesign.program import Program, load_program, program_of
 from services.codesign.reconcile import mean_design, project_design, violation
 from services.codesign.robot import Robot
 from services.codesign.shared_elimination import shared_elimination
-from services.codesign.shared_optimum import WORST_ALONE, SharedOptimum, SharedStart, solve_shared
+from services.codesign.shared_optimum import SharedOptimum, SharedStart, solve_shared
 from services.codesign.shared_program import build_shared_program
 from services.codesign.solution import Solution
 from services.codesign.solve import solve
@@ -150,7 +152,49 @@ def test_the_worst_task_gains_when_it_alone_counts(study: Study) -> None:
     assert max(times) < max(before) * 0.999
     assert sum(times) > sum(before)
     assert found.deciding[int(np.argmax(times))] == pytest.approx(1.0, abs=1e-2)
-    assert found.objective == pytest.approx(over_tasks(times, [1.0] * 3, WORST_ALONE), rel=SAME_OPTIMUM)
+    assert found.objective == pytest.approx(over_tasks(times, [1.0] * 3, worst_share=1.0), rel=SAME_OPTIMUM)
+
+
+@pytest.mark.parametrize(("worst_share", "reached"), [(0.0, 1e-6), (0.5, 1e-5)])
+def test_each_motion_is_at_an_optimum_of_its_own_task(study: Study, worst_share: float, reached: float) -> None:
+    """With the design given: by the residuals of the task's own program, before any solve, and by a solve from there.
+
+    Where the worst task counts, another task's multipliers are found with what is left of the weight.
+    """
+    weights = [1.0, 5.0, 2.0]
+    start = start_at(study.mean, study.own)
+    found = solve_shared(study.problems, weights, start, SolverOptions(), worst_share=worst_share)
+    values = []
+    for asked, point in zip(study.problems, found.motions, strict=True):
+        given = replace(asked, design=found.design)
+        program = program_of(given)
+        instance, guess = build_instance(given, program), point_guess(given, program, point)
+        assert guess.lam_x is not None
+        assert guess.lam_g is not None
+        lam_x = guess.lam_x.copy()
+        lam_x[: program.design_size] = -slope(program, instance, guess)[: program.design_size]  # the pinned design's
+        at = optimality(program, instance, guess.x, lam_x, guess.lam_g)
+        assert at.kkt_residual < reached
+        assert at.constraint_violation < reached
+        solution = solve(given, guess)
+        assert [attempt.name for attempt in solution.attempts] == ["given start"]
+        assert solution.objective is not None
+        values.append(solution.objective)
+    assert over_tasks(values, weights, worst_share) <= found.objective * (1 + 1e-6)
+
+
+def slope(program: Program, instance: Instance, point: Guess) -> np.ndarray:
+    """Slope of the objective and the constraints, these with their multipliers, in each variable."""
+    _, gradient = program.grad_f(point.x, instance.parameters)
+    _, jacobian = program.jac_g(point.x, instance.parameters)
+    found: np.ndarray = (gradient + jacobian.T @ point.lam_g).full().ravel()
+    return found
+
+
+def test_a_motion_is_no_start_for_a_free_design(study: Study) -> None:
+    program = program_of(study.problems[0])
+    with pytest.raises(ValueError, match="given design"):
+        point_guess(study.problems[0], program, study.shared.motions[0])
 
 
 def test_tasks_that_are_alike_decide_together(study: Study) -> None:

