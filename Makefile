@@ -22,10 +22,10 @@ demo: $(READY) ## the paper's application, end to end: 25 tasks, one design, com
 	$(BIN)/armature run examples/pick_and_place.yaml
 
 test: lint ## lint, types, layers, then all tests
-	$(BIN)/pytest -n 3 --dist worksteal  # more than the cores: many tests wait for servers
+	$(BIN)/pytest -n 2 --dist worksteal
 
 test-faults: $(READY_TO_DEVELOP) ## kill and freeze everything as often as docs/reliability.md says (some twenty minutes)
-	$(BIN)/pytest tests/faults --full-faults -n 3 --dist worksteal  # most of them wait most of the time
+	$(BIN)/pytest tests/faults --full-faults -n 2 --dist worksteal  # most of them wait most of the time
 
 reliability: test-faults ## the same, and write what was measured into docs/reliability.md
 	$(BIN)/python -m benchmarks.reliability

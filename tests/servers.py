@@ -102,6 +102,8 @@ class Server:
 
     def kill(self) -> None:
         """End it with everything it started, without any warning."""
+        if self.process is not None and self.process.poll() is None:
+            self.process.send_signal(signal.SIGSTOP)  # else it may start another child before it ends
         for pid in self._family():
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
