@@ -1,7 +1,7 @@
 """The arm and its motors under given voltages, as compiled functions: what a replay integrates.
 
 The arm by the corrected Algorithm 1, the currents by eq. (1) as they stand, and beside them the energies as
-quadratures  (MODEL section 5).
+quadratures (MODEL section 5).
 """
 
 from __future__ import annotations
