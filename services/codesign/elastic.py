@@ -193,7 +193,9 @@ def elastic_elimination(elastic: ElasticProgram, instance: Instance) -> Eliminat
     shares = variable[base.variables :]
     stages[-1] = (stages[-1][0], np.append(stages[-1][1], shares[shares >= 0]))
     where = np.tile(stage, 2)
-    return in_order([(np.concatenate([pairs[where == w], own]), rest) for w, (own, rest) in enumerate(stages)])
+    return in_order(
+        [(np.concatenate([pairs[where == w], own]), rest) for w, (own, rest) in enumerate(stages)], len(multiplier)
+    )
 
 
 def elastic_start(elastic: ElasticProgram, x: np.ndarray) -> Guess:

@@ -30,6 +30,7 @@ class Elimination:
     first: np.ndarray  # (stages + 1,) position at which each stage begins
     pairs: np.ndarray  # (stages,) number of (variable, constraint) pairs that each stage begins with
     chains: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=np.int32))  # (chains,) stage each begins at
+    multipliers: int = 0  # as many negative eigenvalues IPOPT wants: more may end a factorisation early. 0: unknown
 
 
 _KNOWN: Kept[Elimination] = Kept(64)
@@ -49,7 +50,7 @@ def elimination(program: Program, instance: Instance) -> Elimination:
 def _find(program: Program, free: np.ndarray, equality: np.ndarray) -> Elimination:
     numbers = number_unknowns(free, equality)
     stages = [interval_stage(program, w, *numbers) for w in range(program.intervals)]
-    return in_order([*stages, border_stage(program, *numbers)])
+    return in_order([*stages, border_stage(program, *numbers)], program.constraints)
 
 
 def number_unknowns(free: np.ndarray, equality: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -62,7 +63,9 @@ def number_unknowns(free: np.ndarray, equality: np.ndarray) -> tuple[np.ndarray,
     return variable, slack, multiplier
 
 
-def in_order(stages: list[tuple[np.ndarray, np.ndarray]], chains: Sequence[int] = (0,)) -> Elimination:
+def in_order(
+    stages: list[tuple[np.ndarray, np.ndarray]], multipliers: int, chains: Sequence[int] = (0,)
+) -> Elimination:
     """Stages, each as its pairs (m, 2) and its other unknowns, one after the other; `chains` begin at these stages."""
     order = [part for pairs, rest in stages for part in (np.ravel(pairs), rest)]
     sizes = [2 * len(pairs) + len(rest) for pairs, rest in stages]
@@ -71,6 +74,7 @@ def in_order(stages: list[tuple[np.ndarray, np.ndarray]], chains: Sequence[int] 
         first=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32),
         pairs=np.array([len(pairs) for pairs, _ in stages], dtype=np.int32),
         chains=np.array(chains, dtype=np.int32),
+        multipliers=multipliers,
     )
 
 

@@ -7,6 +7,7 @@ inverse dynamics says it needs, in the shortest time in which they stay within t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -22,7 +23,8 @@ from services.codesign.program import Program
 from services.codesign.reconcile import feasible_design
 
 TIME_SEARCH_POINTS = 21
-TIME_SEARCH_STEPS = 20
+TIME_SEARCH_STEPS = 40
+TIME_SEARCH_TOLERANCE = 1e-6  # of what a limit has to spare at the time found
 
 
 @dataclass(frozen=True)
@@ -192,16 +194,41 @@ def _shortest_time(problem: Problem, program: Program, instance: Instance, desig
     share = np.linspace(0, 1, TIME_SEARCH_POINTS)
     speed_limit = scales_of(problem).speed
 
-    def fits(final_time: float) -> bool:
+    def load(final_time: float) -> float:
         motion = quintic(problem, final_time, share)
-        parts = motor_demand(problem, program, instance, design, motion)
-        return bool((np.abs(motion[1]) <= speed_limit).all() and all((np.abs(part) <= 1).all() for part in parts))
+        parts = (motion[1] / speed_limit, *motor_demand(problem, program, instance, design, motion))
+        return float(max(np.abs(part).max() for part in parts))
 
     low, high = problem.final_time_bounds
-    if not fits(high):
+    if load(high) > 1:
         distance = np.abs(problem.task.end - problem.task.start) / speed_limit
         return float(np.clip(2 * distance.max(), low, high))
+    return _where_it_falls_to_one(load, low, high)
+
+
+def _where_it_falls_to_one(load: Callable[[float], float], low: float, high: float) -> float:
+    """Smallest time in [low, high] with a load of at most 1, for a load that falls with time and is that small at high.
+
+    Loads go about with a power of time, so it is sought by regula falsi in logarithms, in the Illinois way: an end that
+    stays twice counts half.
+    """
+    above, below = _logarithm(load(low)), min(_logarithm(load(high)), 0.0)
+    if above <= 0:
+        return low
+    x_above, x_below, stayed = np.log(low), np.log(high), 0
+    best = float(high)
     for _ in range(TIME_SEARCH_STEPS):
-        middle = float(np.sqrt(low * high))
-        low, high = (low, middle) if fits(middle) else (middle, high)
-    return high
+        x = (x_above * below - x_below * above) / (below - above)
+        found = _logarithm(load(np.exp(x)))
+        if found > 0:
+            x_above, above, below, stayed = x, found, below / 2 if stayed > 0 else below, 1
+        else:
+            best = float(np.exp(x))
+            x_below, below, above, stayed = x, found, above / 2 if stayed < 0 else above, -1
+        if -TIME_SEARCH_TOLERANCE <= found <= 0:
+            break
+    return best
+
+
+def _logarithm(load: float) -> float:
+    return float(np.log(max(load, 1e-300)))

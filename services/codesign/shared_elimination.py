@@ -31,4 +31,4 @@ def shared_elimination(program: SharedProgram, instance: Instance) -> Eliminatio
     design[task.time_index] = -1  # eliminated with its motion
     pairs, rest = border_stage(task, design, slack[rows], multiplier[rows])
     border = (pairs, np.append(rest, variable[-1]) if program.has_worst else rest)
-    return in_order([*stages, border], chains=range(0, len(stages) + 1, task.intervals))
+    return in_order([*stages, border], program.constraints, range(0, len(stages) + 1, task.intervals))

@@ -58,6 +58,7 @@ enum { FAILED_SIZE = -1, NO_INTEGER_SPACE = -3, NO_REAL_SPACE = -4, SINGULAR = -
 
 static struct {
   int n, stages, chains;
+  int first_multiplier; /* index of the first multiplier of IPOPT's systems; n when they are of another kind */
   int *order; /* (n) index at each position */
   int *first; /* (stages + 1) position at which each stage begins */
   int *pairs; /* (stages) number of pairs at the beginning of each stage: variable, constraint, variable, ... */
@@ -69,14 +70,15 @@ static struct {
 static int handed_size(int n, int stages, int chains) { return n + 2 * stages + 1 + chains; }
 
 /* Hand over the order for the systems that follow. Returns 0, or 1 when there is no memory. */
-int staged_ldl_order(int n, int stages, int chains, const int *order, const int *first, const int *pairs,
-                     const int *chain, int threads) {
+int staged_ldl_order(int n, int stages, int chains, int first_multiplier, const int *order, const int *first,
+                     const int *pairs, const int *chain, int threads) {
   int *room = malloc(sizeof(int) * (size_t)handed_size(n, stages, chains));
   if (!room) return 1;
   free(handed.order);
   handed.n = n;
   handed.stages = stages;
   handed.chains = chains;
+  handed.first_multiplier = first_multiplier;
   handed.threads = threads;
   handed.refused = 0;
   handed.order = room;
@@ -134,7 +136,7 @@ static void for_each(int items, int threads, void (*work)(void *, int, int), voi
 /* ---- the plan: which entry goes where, found once for a pattern ---- */
 
 typedef struct {
-  int n, nz, stages, chains;
+  int n, nz, stages, chains, first_multiplier;
   const int *order, *first, *pairs, *chain; /* as handed over */
   int size, stride;    /* slots of a front, distance of its columns */
   int *first_entry;    /* (stages + 1) */
@@ -874,7 +876,7 @@ typedef struct {
   int *thread_integers, *remainder_integers;
   Remainder *remainders; /* of all chains but the trunk */
   int largest_remainder;
-  atomic_int negative, crowded, singular;
+  atomic_int negative, crowded, singular, indefinite;
 } Factorisation;
 
 /* Copy what the last stage of a chain left to where it may wait for the trunk. */
@@ -887,6 +889,13 @@ static void keep_remainder(Factorisation *f, int chain, const Remainder *from) {
   memcpy(position, from->position, sizeof(int) * (size_t)from->delayed);
   f->remainders[chain] = *from;
   f->remainders[chain].stride = from->size, f->remainders[chain].a = a, f->remainders[chain].position = position;
+}
+
+/* How many unknowns of a stage are multipliers. */
+static int multipliers_of(const Plan *plan, int s) {
+  int count = 0;
+  for (int p = plan->first[s]; p < plan->first[s + 1]; p++) count += plan->order[p] >= plan->first_multiplier;
+  return count;
 }
 
 /* Eliminate the stages of a chain, its first one with `count` remainders handed on by others. */
@@ -904,10 +913,13 @@ static void eliminate_chain(Factorisation *f, int chain, int thread, const Remai
     clear(plan, &fronts[i]);
   }
   Remainder left = {0};
-  for (int s = first; s < chain_end(plan, chain); s++) {
+  int multipliers = 0, own = plan->first_multiplier < plan->n; /* whether only the chain's own were eliminated so far */
+  for (int s = first; s < chain_end(plan, chain) && !f->indefinite; s++) {
     Front *front = &fronts[s % 2];
     int delayed = 0;
     for (int r = 0; r < count; r++) delayed += handed_on[r].delayed;
+    own &= s > first || delayed == 0;
+    multipliers += multipliers_of(plan, s);
     if (delayed > f->room) {
       f->crowded = 1;
       return;
@@ -917,7 +929,9 @@ static void eliminate_chain(Factorisation *f, int chain, int thread, const Remai
     left = eliminate(plan, s, chain, delayed, front, f->threshold, f->iw, f->a, done, work,
                      integers + (4 + s % 2) * size, &out);
     handed_on = &left, count = 1;
+    if (own && left.delayed == 0 && out.negative > multipliers) f->indefinite = 1;
   }
+  if (f->indefinite) return;
   f->negative += out.negative;
   if (!is_trunk)
     keep_remainder(f, chain, &left);
@@ -928,7 +942,13 @@ static void eliminate_chain(Factorisation *f, int chain, int thread, const Remai
 static void eliminate_branch(void *context, int chain, int thread) { eliminate_chain(context, chain, thread, NULL, 0); }
 
 /* Factorise the matrix whose entries `a` begins with; the plan lies in `iw` behind the header and takes `planned`
- * integers. Returns 0 or one of the failures. */
+ * integers. Returns 0 or one of the failures.
+ *
+ * IPOPT wants one negative eigenvalue for each multiplier, and regularises and asks again where there are more. That can
+ * be known early. Once all unknowns of the stages so far are eliminated, more negative pivots than multipliers among
+ * them mean a direction of negative curvature in which only these stages move and all constraints hold: the whole has
+ * too many whatever comes after (Haynsworth 1968). Then the rest is left out, and INFO(15) is one too many; IPOPT does
+ * not solve with factors of the wrong inertia. */
 static int factorise(const Plan *plan, int planned, int room, double threshold, int threads, double *a, int *iw,
                      int *negative) {
   const Space space = space_for(plan, planned, room, threads);
@@ -956,7 +976,7 @@ static int factorise(const Plan *plan, int planned, int room, double threshold, 
   for_each(branches, space.threads, eliminate_branch, &f);
   if (!f.crowded) eliminate_chain(&f, branches, 0, f.remainders, branches);
   free(f.remainders);
-  *negative = f.negative;
+  *negative = f.indefinite ? plan->n - plan->first_multiplier + 1 : f.negative;
   return f.crowded ? NO_REAL_SPACE : f.singular ? SINGULAR : 0;
 }
 
@@ -1112,7 +1132,7 @@ static void solve_all(int n, const int *iw, const double *a, double *rhs, double
  * to know in front of it. `iw` and `a` are allocated in between, so the plan is made again by the first factorisation
  * and kept in `iw`. */
 
-enum { PLANNED = THREADS + 1, ROOM, PLAN_LENGTH, KEPT };
+enum { PLANNED = THREADS + 1, ROOM, PLAN_LENGTH, MULTIPLIERS, KEPT };
 
 static Plan kept_plan(int n, int nz, const int *ikeep) {
   return bare_plan(n, nz, ikeep[STAGE_COUNT], ikeep[CHAIN_COUNT], ikeep + KEPT);
@@ -1136,7 +1156,7 @@ void ma27ad_(int *n, int *nz, const int *irn, const int *icn, int *iw, int *liw,
     return;
   }
   ikeep[PLANNED] = 0, ikeep[STAGE_COUNT] = handed.stages, ikeep[CHAIN_COUNT] = handed.chains;
-  ikeep[THREADS] = handed.threads;
+  ikeep[THREADS] = handed.threads, ikeep[MULTIPLIERS] = handed.first_multiplier;
   memcpy(ikeep + KEPT, handed.order, sizeof(int) * (size_t)kept);
   int length = TOO_SMALL;
   for (int most = 4 * (*n + *nz); length == TOO_SMALL; most *= 2) {
@@ -1187,6 +1207,7 @@ void ma27bd_(int *n, int *nz, const int *irn, const int *icn, double *a, int *la
   lay_out(&plan, iw + HEADER);
   set_size(&plan, ikeep[ROOM]);
   plan.lists = plan.boundary + 2 * plan.first_boundary[plan.stages];
+  plan.first_multiplier = ikeep[MULTIPLIERS];
   info[0] = factorise(&plan, ikeep[PLAN_LENGTH], ikeep[ROOM], cntl[0], ikeep[THREADS], a, iw, &info[14]);
   if (info[0] == NO_REAL_SPACE) info[1] = space_for(&plan, ikeep[PLAN_LENGTH], 2 * ikeep[ROOM], ikeep[THREADS]).reals;
   ikeep[PLANNED] = info[0] != NO_REAL_SPACE; /* else both arrays are allocated anew, and the plan is lost with them */

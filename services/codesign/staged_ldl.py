@@ -46,6 +46,7 @@ class StagedLDL:
             len(elimination.order),
             len(elimination.pairs),
             len(elimination.chains),
+            len(elimination.order) - elimination.multipliers,
             *(array.ctypes.data_as(ctypes.c_void_p) for array in pointers),
             threads,
         )

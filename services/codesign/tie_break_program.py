@@ -122,4 +122,4 @@ def tie_break_elimination(program: TieBreakProgram, instance: Instance) -> Elimi
     _, slack, multiplier = number_unknowns(free, equality)
     last = np.array([slack[-1], multiplier[-1]], dtype=np.int32)
     end = np.append(order.first[:-1], order.first[-1] + len(last)).astype(np.int32)
-    return replace(order, order=np.concatenate([order.order, last]), first=end)
+    return replace(order, order=np.concatenate([order.order, last]), first=end, multipliers=order.multipliers + 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -311,7 +312,68 @@ def test_systems_of_every_transcription(transcription):
         assert (2 * order.pairs <= np.diff(order.first)).all()
         if transcription.intervals == 1 and np.linalg.matrix_rank(dense(size, entries)) < size:
             continue  # one interval cannot bring the arm anywhere: more constraints than variables
-        check(order, size, entries)
+        check(replace(order, multipliers=0), size, entries)
+        check_early_end(order, size, entries)
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("chains", [(0,), (0, 3, 6)])
+def test_too_many_negative_eigenvalues_are_known_early(seed, chains):
+    """Whatever stage the negative curvature is in; and never said of a system that has none."""
+    rng = np.random.default_rng(seed)
+    order, entries = optimality_system(stages=7, chains=chains, curvatures=rng.choice([2.0, 2.0, -2.0], 7), rng=rng)
+    check(replace(order, multipliers=0), len(order.order), entries)
+    check_early_end(order, len(order.order), entries)
+
+
+def test_an_early_end_leaves_the_rest_out():
+    """With negative curvatures in the first and in the last stages the last ones' are not counted."""
+    rng = np.random.default_rng(0)
+    order, entries = optimality_system(stages=7, chains=(0,), curvatures=[-2.0, 2, 2, 2, -2, -2, 2], rng=rng)
+    size = len(order.order)
+    whole = MA27(replace(order, multipliers=0), size, *entries[:2]).factorise(entries[2])
+    assert whole[1] > order.multipliers + 1
+    assert MA27(order, size, *entries[:2]).factorise(entries[2]) == (0, order.multipliers + 1)
+
+
+def check_early_end(order: Elimination, size: int, entries: Entries) -> None:
+    """IPOPT gets the same answer as from the whole factorisation: as many negative eigenvalues, or too many."""
+    negative = int((np.linalg.eigvalsh(dense(size, entries)) < 0).sum())
+    status, found = MA27(order, size, *entries[:2], threads=2).factorise(entries[2])
+    assert status == 0
+    assert found == negative if negative <= order.multipliers else found > order.multipliers
+
+
+def optimality_system(
+    *, stages: int, chains: tuple[int, ...], curvatures: Sequence[float], rng: np.random.Generator
+) -> tuple[Elimination, Entries]:
+    """Stages of five variables and two constraints; constraints reach the next stage of their chain and the last stage.
+
+    Curvatures are of about the size given, in all of a stage's variables.
+    """
+    variables, constraints = 5, 2
+    first_multiplier = stages * variables
+    size = first_multiplier + stages * constraints
+    matrix = np.zeros((size, size))
+    for s in range(stages):
+        x = s * variables + np.arange(variables)
+        y = first_multiplier + s * constraints + np.arange(constraints)
+        part = rng.normal(size=(variables, variables))
+        matrix[np.ix_(x, x)] = curvatures[s] * np.eye(variables) + 0.1 * (part + part.T)
+        next_stage = [] if s + 1 in (*chains, stages) else [x + variables]
+        for reached in (x, *next_stage, np.arange(first_multiplier - variables, first_multiplier)):
+            matrix[np.ix_(y, reached)] = rng.normal(size=(constraints, len(reached)))
+    order = np.concatenate(
+        [
+            np.r_[s * variables : (s + 1) * variables, first_multiplier + 2 * s : first_multiplier + 2 * s + 2]
+            for s in range(stages)
+        ]
+    )
+    first = (variables + constraints) * np.arange(stages + 1)
+    elimination = Elimination(
+        order, first, np.zeros(stages, dtype=int), np.array(chains), multipliers=stages * constraints
+    )
+    return elimination, lower_entries(matrix)
 
 
 def test_fronts_do_not_grow_with_the_number_of_intervals():
