@@ -50,7 +50,7 @@ class Solution:
     measures: Measures | None
     objective: float | None  # t_f [s], integral of u'u [V2 s], electrical energy [J], or the weighted sum
     iterations: int  # of all attempts
-    solve_time: float  # s, wall, of all attempts
+    solve_time: float  # s, wall, from the guess to the answer, all attempts included
     attempts: tuple[Attempt, ...]
     kkt_residual: float  # by `optimality`, from the program's functions; NaN when nothing was attempted
     constraint_violation: float  # scaled: 1 is about one limit

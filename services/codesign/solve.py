@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,6 +68,14 @@ def solve(
     BaseException
         Only what `progress` raised.
     """
+    began = time.perf_counter()
+    solution = _solve(problem, start, options, progress)
+    return replace(solution, solve_time=time.perf_counter() - began)
+
+
+def _solve(
+    problem: Problem, start: Guess | Start | None, options: SolverOptions, progress: Progress | None
+) -> Solution:
     obstacle = impossible(problem)
     if obstacle is not None:
         return _not_attempted(problem, obstacle)
@@ -132,7 +141,6 @@ def _solve_with_references(
         solution,
         attempts=earlier + solution.attempts,
         iterations=fastest.iterations + solution.iterations,
-        solve_time=fastest.solve_time + solution.solve_time,
     )
 
 

@@ -72,7 +72,7 @@ class MotionResult(BaseModel):
     gear_ratio: list[float] | None = Field(None, description="rotor turns per joint turn, where the ratios were free")
     solver_status: str
     iterations: int = Field(description="of all attempts, starts and refinements")
-    solve_time_s: float
+    solve_time_s: float = Field(description="from the guess to the answer; the certificate comes on top")
     starts: Starts | None = Field(None, description="with several `starts`: what they found")
 
 
