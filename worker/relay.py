@@ -8,7 +8,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -37,14 +37,15 @@ def run_relay(settings: Settings, stop: threading.Event) -> None:
     The sweep has a thread of its own: a broker that does not answer holds up a message for seconds, and must not hold
     up the recovery of lost jobs.
     """
-    engine, app = make_engine(settings.database_url), celery_app(settings.broker_url)
+    engine = make_engine(settings.database_url, asks_first=False)  # `_repeat` is patient
+    app = celery_app(settings.broker_url)
 
     backlog = partial(queue_size, app)
     lost_queue = LostQueue(engine, backlog, settings.sweep_s)
 
-    def wake(job_id: str) -> None:
-        send(app, RUN_JOB, job_id)
-        log.debug("message sent", job=job_id)
+    def wake(job_ids: Sequence[str]) -> None:
+        send(app, RUN_JOB, *job_ids)
+        log.debug("messages sent", jobs=job_ids)
 
     def send_due() -> None:
         lost_queue.look()

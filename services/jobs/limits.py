@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from sqlalchemy import func, select
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection, func, select
 
 from services.jobs.owners import Owner, owned_by
 from services.jobs.resolved import ResolvedApplication
@@ -35,7 +34,15 @@ def refuse_long_trajectories(settings: Settings, application: ResolvedApplicatio
         raise InvalidInputError([FieldError("transcription.intervals", asked.intervals, limit)])
 
 
-def refuse_when_full(session: Session, settings: Settings, owner: Owner, adding: int) -> None:
+_OUT = (
+    select(func.sum(Stage.remaining))
+    .join(Application, Application.id == Stage.application_id)
+    .where(Application.state.in_([state for state in ApplicationState if not state.final]))
+)
+"""Jobs of all open stages."""
+
+
+def refuse_when_full(connection: Connection, settings: Settings, owner: Owner, adding: int) -> None:
     """Check how many jobs an owner (or everybody, where there are no keys) would have waiting and running.
 
     Read from the counters of the stages that are open: a row a stage, not one a job. Submissions at the same moment do
@@ -45,12 +52,7 @@ def refuse_when_full(session: Session, settings: Settings, owner: Owner, adding:
     ------
     QueueFullError
     """
-    open_states = [state for state in ApplicationState if not state.final]
-    waiting = session.scalar(
-        select(func.sum(Stage.remaining))
-        .join(Application, Application.id == Stage.application_id)
-        .where(Application.state.in_(open_states), owned_by(owner, Application.owner))
-    )
+    waiting = connection.scalar(_OUT.where(owned_by(owner, Application.owner)))
     if (waiting or 0) + adding > settings.max_queued_jobs:
         limit = f"{waiting or 0} jobs wait or run already, and at most {settings.max_queued_jobs} may for one key"
         raise QueueFullError(FieldError("tasks", adding, limit))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from sqlalchemy import ColumnElement, Engine, func, select, update
 from sqlalchemy.orm import Session
@@ -12,6 +12,9 @@ from shared.db.engine import reading, transaction
 from shared.db.tables import Outbox
 
 BATCH = 500
+"""Messages of one look into the outbox."""
+AT_ONCE = 100
+"""Messages that are published together."""
 MOST_DOUBLINGS = 6
 
 SENT_AND_WAITING = (Outbox.due_at > 0, Outbox.sent > 0)
@@ -19,9 +22,11 @@ SENT_AND_WAITING = (Outbox.due_at > 0, Outbox.sent > 0)
 
 
 def relay(
-    engine: Engine, send: Callable[[str], None], resend_after_s: float, backlog: Callable[[], int] = lambda: 0
+    engine: Engine, send: Callable[[Sequence[str]], None], resend_after_s: float, backlog: Callable[[], int] = lambda: 0
 ) -> int:
     """Publish due messages, oldest first, then mark them; returns how many.
+
+    `send` gets `AT_ONCE` job ids at a time. When it fails, some of its messages may be out, and all are sent again.
 
     A published job stays in the outbox until it is claimed, and is sent again after `resend_after_s`, twice that,
     and so on: a broker may lose its queue. `backlog` counts the messages that the broker holds; while it holds one for
@@ -44,15 +49,17 @@ def relay(
     sending, waiting = first + again[:lost], again[lost:]
     gone: set[str] = set()
     try:
-        for job_id in sending:
-            send(job_id)
-            gone.add(job_id)
+        for first_of_them in range(0, len(sending), AT_ONCE):
+            together = sending[first_of_them : first_of_them + AT_ONCE]
+            send(together)
+            gone.update(together)
     finally:  # a broker that fails half-way has the first half
         with transaction(engine) as session:
             for sent in {row.sent for row in due if row.job_id in gone}:
                 job_ids = [row.job_id for row in due if row.sent == sent and row.job_id in gone]
                 _put_off(session, job_ids, resend_after_s * 2 ** min(sent, MOST_DOUBLINGS), sent + 1)
-            _put_off(session, waiting, resend_after_s)
+            if waiting:
+                _put_off(session, waiting, resend_after_s)
     return len(gone)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
+import numpy as np
 from pydantic import TypeAdapter
 
 from services.codesign.feasible_motor import motor_obstacle
@@ -62,7 +63,8 @@ def resolve(request: ApplicationRequest, find_robot: RobotLookup, max_tasks: int
     located = list(_tasks(request, robot, max_tasks))
     errors = list(_objective_errors(request.objective))
     ranges = _ranges(robot)
-    errors += [error for field, task in located for error in _task_errors(field, task, ranges)]
+    if not _all_within([task for _, task in located], ranges):
+        errors += [error for field, task in located for error in _task_errors(field, task, ranges)]
     errors += _duplicate_names(located)
     errors += _freedom_errors(request.design, located, robot)
     errors += _tie_break_errors(request.design.tie_break, robot)
@@ -162,9 +164,10 @@ def _freedom_errors(design: DesignRequest, located: list[Located], robot: Robot)
     except FreedomError as error:
         yield FieldError(f"design.{error.field}", str(error.value), error.limit)
         return
-    for field, task in located:
+    free_gears = freedom.free_gears
+    for field, task in located if free_gears else []:
         for name, speeds in (("start_speed_rad_s", task.start_speed_rad_s), ("end_speed_rad_s", task.end_speed_rad_s)):
-            for k in freedom.free_gears:
+            for k in free_gears:
                 if speeds is not None and k < len(speeds) and speeds[k] != 0:
                     limit = f"0 rad/s: the gear ratio of joint {k + 1} is free"
                     yield FieldError(f"{field}.{name}[{k}]", speeds[k], limit)
@@ -243,6 +246,18 @@ def _objective_errors(objective: ObjectiveRequest) -> Iterator[FieldError]:
                 yield FieldError(
                     f"objective.{name}", value, f"belongs to the weighted objective, not to {objective.kind}"
                 )
+
+
+def _all_within(tasks: list[ResolvedTask], ranges: Mapping[str, Range]) -> bool:
+    """Whether `_task_errors` has nothing to say of any of them: asked first, of all numbers at once."""
+    for name, (low, high, _) in ranges.items():
+        given = [values for task in tasks if (values := getattr(task, name)) is not None]
+        if any(len(values) != len(low) for values in given):
+            return False
+        numbers = np.array(given).reshape(-1, len(low))
+        if (numbers < low).any() or (numbers > high).any():
+            return False
+    return True
 
 
 def _task_errors(field: str, task: ResolvedTask, ranges: Mapping[str, Range]) -> Iterator[FieldError]:

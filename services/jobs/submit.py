@@ -11,18 +11,17 @@ import structlog
 from pydantic import BaseModel
 from sqlalchemy import Engine, select
 from sqlalchemy.exc import IntegrityError
-from sqlalchemy.orm import Session
 
 from services.jobs.limits import refuse_long_trajectories, refuse_when_full
-from services.jobs.open_stage import open_stage
+from services.jobs.open_stage import NewApplication, open_first
 from services.jobs.owners import Owner, owned_by
 from services.jobs.plan import NextStage, plan_first
 from services.jobs.resolve import resolve
 from services.jobs.versions import versions
 from shared.contracts.application import ApplicationRequest
-from shared.db.engine import reading, transaction
+from shared.db.engine import reading
 from shared.db.tables import Application, Sweep, UploadedRobot
-from shared.domain import ApplicationState, new_id
+from shared.domain import new_id
 from shared.settings import Settings
 
 log = structlog.get_logger()
@@ -58,12 +57,11 @@ def submit(
     key = None if idempotency_key is None else key_of_owner(idempotency_key, owner)
     if key is not None and (earlier := earlier_with(engine, Application, key, hash_of(request))):
         return earlier, False
-    application, first = prepare(engine, settings, request, owner)
-    application.idempotency_key = key
+    application, first = prepare(engine, settings, request, owner, key)
     try:
-        with transaction(engine) as session:
-            refuse_when_full(session, settings, owner, len(first.jobs))
-            store(session, application, first)
+        with engine.begin() as connection:
+            refuse_when_full(connection, settings, owner, len(first.jobs))
+            open_first(connection, application, first)
     except IntegrityError:
         if key is None:
             raise
@@ -76,8 +74,8 @@ def submit(
 
 
 def prepare(
-    engine: Engine, settings: Settings, request: ApplicationRequest, owner: Owner
-) -> tuple[Application, NextStage]:
+    engine: Engine, settings: Settings, request: ApplicationRequest, owner: Owner, key: str | None = None
+) -> tuple[NewApplication, NextStage]:
     """Check a request and make its row, with the stage it begins with; nothing is stored yet.
 
     Raises
@@ -87,26 +85,18 @@ def prepare(
     resolved = resolve(request, lambda robot_id: find_robot(engine, robot_id, owner), settings.max_tasks)
     refuse_long_trajectories(settings, resolved)
     content = request.model_dump(mode="json")
-    application = Application(
+    application = NewApplication(
         id=new_id(),
         name=request.name,
-        state=ApplicationState.QUEUED,
-        generation=0,
-        last_event=0,
         request=content,
         resolved=resolved.model_dump(mode="json"),
         versions=versions(),
         tags=list(request.tags),
-        request_hash=_hash(content),
+        request_hash="" if key is None else _hash(content),
+        idempotency_key=key,
         owner=owner,
     )
     return application, plan_first(resolved)
-
-
-def store(session: Session, application: Application, first: NextStage) -> None:
-    """Write an application with its first jobs and their messages, in the caller's transaction."""
-    session.add(application)
-    open_stage(session, application, first)
 
 
 def find_robot(engine: Engine, robot_id: str, owner: Owner = None) -> Mapping[str, Any] | None:

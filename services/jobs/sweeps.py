@@ -19,8 +19,10 @@ from services.codesign.comparison import OWN
 from services.codesign.motor_data import DIMENSIONS
 from services.jobs.cancel import cancel
 from services.jobs.limits import refuse_when_full
+from services.jobs.open_stage import NewApplication, open_first
 from services.jobs.owners import Owner, owned_by
-from services.jobs.submit import earlier_with, hash_of, key_of_owner, prepare, store
+from services.jobs.plan import NextStage
+from services.jobs.submit import earlier_with, hash_of, key_of_owner, prepare
 from services.jobs.views import UNITS, NotFoundError, iso_time
 from shared.contracts import sweeps as wire
 from shared.contracts.application import LONGEST_NAME, ApplicationRequest
@@ -75,11 +77,12 @@ def submit_sweep(
     )
     try:
         with transaction(engine) as session:
-            refuse_when_full(session, settings, owner, sum(len(first.jobs) for _, _, first in points))
+            connection = session.connection()
+            refuse_when_full(connection, settings, owner, sum(len(first.jobs) for _, _, first in points))
             session.add(sweep)
             session.flush()
             for position, (values, application, first) in enumerate(points):
-                store(session, application, first)
+                open_first(connection, application, first)
                 of_sweep = {"sweep_id": sweep.id, "position": position, "application_id": application.id}
                 session.add(SweepPoint(**of_sweep, axis_values=values))
     except IntegrityError:
@@ -138,7 +141,7 @@ def _has_room(place: Any, part: str | int) -> bool:
 
 def _prepared(
     engine: Engine, settings: Settings, request: wire.SweepRequest, values: Mapping[str, Any], owner: Owner
-) -> tuple[Application, Any]:
+) -> tuple[NewApplication, NextStage]:
     content: dict[str, Any] = dict(request.application)
     for path, value in values.items():
         content = with_value(content, path, value)

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pydantic_core import from_json, to_json
 from sqlalchemy import Engine, create_engine, event, make_url
 from sqlalchemy.orm import Session
 
@@ -25,6 +26,14 @@ POSTGRES_CONNECTION = {
 IDLE_IN_TRANSACTION_S = 30
 """Postgres ends a transaction in which nothing has happened for so long: its process is frozen or its host is gone, and
 the rows that it locked are free again. No transaction here waits for anything but the database."""
+
+
+def _as_text(value: Any) -> str:
+    """JSON as the standard library writes it, but for spaces, in an eighth of its time."""
+    return to_json(value, inf_nan_mode="constants").decode()
+
+
+JSON_COLUMNS: dict[str, Any] = {"json_serializer": _as_text, "json_deserializer": from_json}
 
 
 def make_engine(url: str, *, asks_first: bool = True, outlives_power: bool = False) -> Engine:
@@ -46,16 +55,15 @@ def make_engine(url: str, *, asks_first: bool = True, outlives_power: bool = Fal
     if parsed.get_backend_name() == "sqlite":
         if parsed.database:
             Path(parsed.database).parent.mkdir(parents=True, exist_ok=True)
-        engine = create_engine(
-            parsed, connect_args={"timeout": SQLITE_BUSY_TIMEOUT_S, "isolation_level": None, "check_same_thread": False}
-        )
+        embedded = {"timeout": SQLITE_BUSY_TIMEOUT_S, "isolation_level": None, "check_same_thread": False}
+        engine = create_engine(parsed, connect_args=embedded, **JSON_COLUMNS)
         event.listen(engine, "connect", partial(_configure_sqlite, "FULL" if outlives_power else "NORMAL"))
         event.listen(engine, "begin", _begin_immediate)
         return engine
     if parsed.drivername == "postgresql":
         parsed = parsed.set(drivername="postgresql+psycopg")
     unset = {name: value for name, value in POSTGRES_CONNECTION.items() if name not in parsed.query}
-    engine = create_engine(parsed, pool_pre_ping=asks_first, connect_args=unset)
+    engine = create_engine(parsed, pool_pre_ping=asks_first, connect_args=unset, **JSON_COLUMNS)
     event.listen(engine, "connect", _configure_postgres)
     return engine
 
@@ -84,8 +92,15 @@ def transaction(engine: Engine) -> Iterator[Session]:
         yield session
 
 
+_READING: dict[str, dict[str, Any]] = {"sqlite": {"read_only": True}, "postgresql": {"isolation_level": "AUTOCOMMIT"}}
+
+
 @contextmanager
 def reading(engine: Engine) -> Iterator[Session]:
-    """A session that only reads, from one snapshot; it never makes a writer wait."""
-    with Session(engine.execution_options(read_only=True), expire_on_commit=False) as session, session.begin():
+    """A session that only reads, and never makes a writer wait.
+
+    On SQLite from one snapshot. Postgres shows each statement what was committed before it, within a transaction as
+    without one; without, the two ways to the server that begin and end it are saved.
+    """
+    with Session(engine.execution_options(**_READING[engine.dialect.name]), expire_on_commit=False) as session:
         yield session

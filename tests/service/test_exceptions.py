@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 from typing import Any
 
+import numpy as np
 import pytest
 from sqlalchemy import Engine, select, update
 from sqlalchemy.exc import OperationalError
@@ -67,14 +68,14 @@ def test_what_a_job_raises_is_its_reason(
 
 def test_a_result_that_cannot_be_stored(engine: Engine, settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
     application_id, _ = submit(engine, settings, application())
-    strange = Outcome(JobState.SUCCEEDED, value=1.0, summary={"set": {1, 2}})
+    strange = Outcome(JobState.SUCCEEDED, value=1.0, summary={"array": np.zeros(2)})
     with monkeypatch.context() as patch:
         patch.setattr(worker.run_job, "execute", lambda *_: strange)
         run_job(engine, settings, queued(engine)[0])
     state, attempts, reason = jobs(engine)[0]
     assert (state, attempts) == (JobState.FAILED, 1)
     assert "storing the result raised" in reason
-    assert "not JSON serializable" in reason
+    assert "Unable to serialize unknown type" in reason
     drain(engine)
     assert_history_is_sound(engine, application_id)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
+from collections.abc import Sequence
 
 import pytest
 from sqlalchemy import Engine, func, select, text, update
@@ -153,7 +154,7 @@ def test_cancel_while_queued(engine: Engine, settings: Settings) -> None:
     assert cancel(engine, application_id)
     assert state_of(engine, application_id)[0] == ApplicationState.CANCELLED
     assert_history_is_sound(engine, application_id)
-    assert relay(engine, lambda job_id: pytest.fail(f"sent {job_id}"), 30.0) == 0
+    assert relay(engine, lambda job_ids: pytest.fail(f"sent {job_ids}"), 30.0) == 0
 
 
 def test_cancel_while_running_waits_for_the_worker(engine: Engine, settings: Settings) -> None:
@@ -231,13 +232,13 @@ def test_concurrent_submissions_with_one_key(engine: Engine, settings: Settings)
 def test_the_relay_sends_each_job_and_again_when_nobody_claims(engine: Engine, settings: Settings) -> None:
     submit(engine, settings, application())
     sent: list[str] = []
-    assert relay(engine, sent.append, resend_after_s=30.0) == 3
+    assert relay(engine, sent.extend, resend_after_s=30.0) == 3
     assert sorted(sent) == queued(engine)
-    assert relay(engine, sent.append, resend_after_s=30.0) == 0  # not yet
+    assert relay(engine, sent.extend, resend_after_s=30.0) == 0  # not yet
     with transaction(engine) as session:  # half a minute later
         session.execute(text("UPDATE outbox SET due_at = due_at - 31"))
     take(engine)
-    assert relay(engine, sent.append, resend_after_s=30.0) == 2
+    assert relay(engine, sent.extend, resend_after_s=30.0) == 2
     assert [row.sent for row in rows(engine, select(Outbox.sent).where(Outbox.due_at.is_not(None)))] == [2, 2]
 
 
@@ -247,7 +248,7 @@ def test_the_relay_waits_for_nobody_who_changes_messages(engine: Engine, setting
     submit(engine, settings, application())
     first, _, last = queued(engine)
     sent: list[str] = []
-    relaying = threading.Thread(target=lambda: relay(engine, sent.append, 30.0))
+    relaying = threading.Thread(target=lambda: relay(engine, sent.extend, 30.0))
     with engine.begin() as other:
         silence = update(Outbox).values(due_at=None)
         other.execute(silence.where(Outbox.job_id == last))
@@ -258,7 +259,7 @@ def test_the_relay_waits_for_nobody_who_changes_messages(engine: Engine, setting
     relaying.join()
     assert sorted(sent) == queued(engine)
     assert [row.sent for row in rows(engine, select(Outbox.sent).order_by(Outbox.job_id))] == [1, 1, 0]
-    assert relay(engine, sent.append, 30.0) == 0
+    assert relay(engine, sent.extend, 30.0) == 0
 
 
 def test_a_crash_between_publish_and_mark_doubles_and_loses_nothing(
@@ -269,19 +270,19 @@ def test_a_crash_between_publish_and_mark_doubles_and_loses_nothing(
     with monkeypatch.context() as crash:
         crash.setattr(outbox, "_put_off", lambda *_: (_ for _ in ()).throw(SystemExit))
         with pytest.raises(SystemExit):
-            relay(engine, sent.append, 30.0)
-    assert relay(engine, sent.append, 30.0) == 3
+            relay(engine, sent.extend, 30.0)
+    assert relay(engine, sent.extend, 30.0) == 3
     assert Counter(sent) == dict.fromkeys(queued(engine), 2)
 
 
 def test_a_job_given_back_counts_no_attempt_and_is_sent_again(engine: Engine, settings: Settings) -> None:
     application_id, _ = submit(engine, settings, application())
     sent: list[str] = []
-    relay(engine, sent.append, 30.0)
+    relay(engine, sent.extend, 30.0)
     held = take(engine)
     assert release(engine, held)
     assert not release(engine, held)
-    assert relay(engine, sent.append, 30.0) == 1
+    assert relay(engine, sent.extend, 30.0) == 1
     assert sent[-1] == held.job_id
     again = claim(engine, held.job_id, "worker", LONG_LEASE_S)
     assert again is not None
@@ -310,7 +311,7 @@ def test_nothing_is_sent_again_while_the_broker_holds_a_message_for_each_job(
     def later(backlog: int) -> int:
         with transaction(engine) as session:
             session.execute(text("UPDATE outbox SET due_at = due_at - 10000"))
-        return relay(engine, sent.append, 30.0, lambda: backlog)
+        return relay(engine, sent.extend, 30.0, lambda: backlog)
 
     assert later(0) == 3
     assert [later(3) for _ in range(50)] == [0] * 50  # a long wait in a long queue
@@ -320,16 +321,19 @@ def test_nothing_is_sent_again_while_the_broker_holds_a_message_for_each_job(
     assert later(2) == 0
 
 
-def test_what_was_sent_before_the_broker_failed_is_not_sent_again(engine: Engine, settings: Settings) -> None:
+def test_what_was_sent_before_the_broker_failed_is_not_sent_again(
+    engine: Engine, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(outbox, "AT_ONCE", 2)
     submit(engine, settings, application())
     sent: list[str] = []
 
-    def send(job_id: str) -> None:
-        if len(sent) == 2:
+    def send(job_ids: Sequence[str]) -> None:
+        if sent:
             raise OSError("gone")
-        sent.append(job_id)
+        sent.extend(job_ids)
 
     with pytest.raises(OSError, match="gone"):
         relay(engine, send, 30.0)
-    assert relay(engine, sent.append, 30.0) == 1
+    assert relay(engine, sent.extend, 30.0) == 1
     assert len(sent) == len(set(sent)) == 3
