@@ -11,7 +11,7 @@ READY_TO_DEVELOP := $(VENV)/.ready-to-develop
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-faults reliability bench docs lint format lock clean studies
+.PHONY: help setup demo test test-faults reliability bench bench-solve docs lint format lock clean studies
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -30,7 +30,12 @@ test-faults: $(READY_TO_DEVELOP) ## kill and freeze everything as often as docs/
 reliability: test-faults ## the same, and write what was measured into docs/reliability.md
 	$(BIN)/python -m benchmarks.reliability
 
-bench: $(READY_TO_DEVELOP) ## measure, and write the tables of docs/performance.md (half an hour)
+bench-solve: $(READY_TO_DEVELOP) ## the part of it by pytest-benchmark: the paper's formulation beside ours, and a solve's parts
+	@mkdir -p .benchmarks
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -o addopts= --timeout 0 benchmarks --benchmark-timer time.process_time \
+		--benchmark-json .benchmarks/solve.json
+
+bench: bench-solve ## measure, and write the tables of docs/performance.md (half an hour)
 	@for part in solve_time growth random_tasks "random_tasks --kind energy" infeasible_tasks fan_out job_parts start_up memory throughput dashboard; do \
 		echo "--- $$part"; OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.$$part || exit 1; done
 

@@ -1,4 +1,4 @@
-"""The paper's formulation, kept as the yardstick of `solve_time.py`: what one would write first, and wait for.
+"""The paper's formulation, kept as a yardstick (`test_against_baseline.py`): what one would write first, and wait for.
 
 Explicit dynamics (the articulated-body algorithm in the defects), the whole program expanded into scalar operations
 and differentiated by CasADi, a straight line as the start, IPOPT with MUMPS as they come.

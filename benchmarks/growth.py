@@ -11,8 +11,9 @@ from dataclasses import replace
 import matplotlib as mpl
 import numpy as np
 
-from benchmarks.solve_time import THREE, paper_problem, timed
+from benchmarks.solve_time import paper_problem, timed
 from benchmarks.tables import ROOT, put, table
+from benchmarks.test_against_baseline import THREE
 from services.codesign.problem import Transcription
 
 mpl.use("Agg")

@@ -1,15 +1,10 @@
-"""The paper's formulation against ours, side by side; then the paper's 25 tasks, and where the time goes.
+"""The paper's 25 tasks for every objective, and where the time goes: `python -m benchmarks.solve_time`.
 
-python -m benchmarks.solve_time              everything (about ten minutes, nearly all of it the baseline's)
-python -m benchmarks.solve_time --ours       without the baseline
-
-CPU time of one core, in one run. What only happens once a process (importing, loading kernels, building programs) is
-not counted, for either.
+CPU time of one core. What only happens once a process (importing, loading kernels, building programs) is not counted.
 """
 
 from __future__ import annotations
 
-import argparse
 import re
 import tempfile
 import time
@@ -18,7 +13,6 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from benchmarks.baseline import Baseline
 from benchmarks.tables import put, table
 from services.codesign import solver as solver_module
 from services.codesign.elimination import elimination
@@ -35,12 +29,7 @@ from services.codesign.staged_ldl import load_staged_ldl
 UR5 = Robot.preset("ur5")
 STROKES = (0.2, 0.4, 0.6, 0.8, 1.0)
 PAYLOADS = (0.0, 1.0, 2.0, 3.0, 4.0)
-THREE = ((0.2, 0.0), (0.6, 2.0), (1.0, 4.0))
-"""Stroke [rad] and payload [kg] of the tasks that the baseline is asked."""
-
-TOL, FINE = 1e-6, 1e-8
-SAME = 1e-4
-"""How much worse than the baseline's an optimum may be, relative, both at tol FINE."""
+TOL = 1e-6
 
 
 def paper_problem(stroke: float, payload: float, kind: str = "time") -> Problem:
@@ -50,45 +39,10 @@ def paper_problem(stroke: float, payload: float, kind: str = "time") -> Problem:
 
 
 def timed(problem: Problem, tol: float = TOL) -> tuple[float, Solution]:
-    """CPU seconds of a whole solve, guess and certificate included."""
+    """CPU seconds of a whole solve, from the guess to the answer."""
     began = time.process_time()
     solution = solve(problem, options=SolverOptions(tol=tol))
     return time.process_time() - began, solution
-
-
-def against_baseline() -> str:
-    """Three tasks by both; the same optimum, or better, is asserted."""
-    baseline, rows, ratios = Baseline(paper_problem(*THREE[0])), [], []
-    for stroke, payload in THREE:
-        problem = paper_problem(stroke, payload)
-        theirs = baseline.solve(problem, TOL)
-        runs = [timed(problem) for _ in range(5)]
-        seconds, ours = float(np.median([run[0] for run in runs])), runs[0][1]
-        _, fine = timed(problem, FINE)
-        fine_theirs = baseline.solve(problem, FINE, theirs.x)
-        assert theirs.success, "the baseline failed"
-        assert fine.objective is not None, "our solve failed"
-        difference = fine.objective / fine_theirs.objective - 1
-        assert difference < SAME, f"worse than the baseline by {difference:.1e}"
-        ratios.append(((theirs.build_seconds + theirs.seconds) / seconds, theirs.seconds / seconds))
-        rows.append(
-            [
-                f"{stroke} rad, {payload:g} kg",
-                f"{theirs.build_seconds:.1f}",
-                f"{theirs.seconds:.1f}",
-                str(theirs.iterations),
-                f"{seconds:.3f}",
-                str(ours.iterations),
-                f"{ratios[-1][0]:.0f}",
-                f"{ratios[-1][1]:.0f}",
-                f"{fine_theirs.objective:.6f}",
-                f"{fine.objective:.6f}",
-            ]
-        )
-    both, alone = np.median(ratios, axis=0)
-    rows.append(["median", "", "", "", "", "", f"**{both:.0f}**", f"**{alone:.0f}**", "", ""])
-    head = ["task", "paper's formulation: differentiated s", "solved s", "iterations", "ours s", "iterations"]
-    return table([*head, "times faster", "than its solve alone", "its optimum s, tol 1e-8", "ours"], rows)
 
 
 def all_tasks() -> str:
@@ -151,13 +105,8 @@ def _clock(log: str, part: str) -> float:
 
 def main() -> None:
     """Measure, and write the sections of docs/performance.md."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--ours", action="store_true", help="leave the baseline out")
-    arguments = parser.parse_args()
     put("tasks", all_tasks())
     put("shares", shares())
-    if not arguments.ours:
-        put("baseline", against_baseline())
 
 
 if __name__ == "__main__":
