@@ -7,7 +7,7 @@ import argparse
 import uvicorn
 
 from api.app import create_app
-from shared.db.migrate import require_head
+from shared.db.revision import require_head
 from shared.observability import configure_logging
 from shared.settings import Settings
 

@@ -54,7 +54,7 @@ def start() -> Times:
     began = clocks()
     importlib.import_module("worker.tasks")
     importlib.import_module("shared.observability")
-    importlib.import_module("shared.db.migrate")
+    importlib.import_module("shared.db.revision")
     timed(REST, began)
 
     from benchmarks.solve_time import paper_problem

@@ -19,7 +19,7 @@ def main() -> None:
     import casadi  # noqa: F401 - loaded once here, shared by the children through the fork
     from celery.signals import worker_ready, worker_shutting_down
 
-    from shared.db.migrate import require_head
+    from shared.db.revision import require_head
     from shared.dispatch.broker import celery_app, worker_arguments
     from shared.observability import configure_logging
     from shared.settings import Settings

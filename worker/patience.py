@@ -7,9 +7,8 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-import psycopg
 import structlog
-from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import DBAPIError, OperationalError
 
 from worker.drain import drained
 
@@ -75,6 +74,5 @@ def _code(error: DBAPIError) -> int | str | None:
     """SQLite's primary result code, or Postgres' SQLSTATE; a lost connection has the one of its class."""
     if isinstance(error.orig, sqlite3.Error):
         return getattr(error.orig, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
-    if isinstance(error.orig, psycopg.OperationalError) and error.orig.sqlstate is None:
-        return "08000"
-    return getattr(error.orig, "sqlstate", None)
+    code: str | None = getattr(error.orig, "sqlstate", None)
+    return "08000" if code is None and isinstance(error, OperationalError) else code

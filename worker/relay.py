@@ -22,7 +22,7 @@ from services.jobs.retention import forget_old
 from services.jobs.sweep import sweep
 from services.jobs.tally import tally
 from shared.db.engine import make_engine
-from shared.db.migrate import require_head
+from shared.db.revision import require_head
 from shared.dispatch.broker import celery_app, queue_size, send
 from shared.observability import configure_logging
 from shared.settings import Settings

@@ -12,7 +12,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from api.context import Context, Ctx
 from services.jobs.queue import queue_depth
-from shared.db.migrate import revision_problem
+from shared.db.revision import revision_problem
 from shared.dispatch.broker import broker_reachable
 
 router = APIRouter(tags=["operations"])

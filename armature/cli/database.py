@@ -27,7 +27,8 @@ def open_database() -> Iterator[Engine]:
         It does not answer, or its address is none.
     """
     from shared.db.engine import make_engine
-    from shared.db.migrate import current_revision, require_head, upgrade
+    from shared.db.migrate import upgrade
+    from shared.db.revision import current_revision, require_head
 
     url = Settings().database_url
     with explained(url):

@@ -72,11 +72,12 @@ def revoke(
 
 def migrate(as_json: Json = False) -> None:
     """Bring the database of the settings to this version's revision. Once for each update, before anything starts."""
-    from shared.db.migrate import head_revision, upgrade
+    from shared.db.migrate import upgrade
+    from shared.db.revision import HEAD
 
     url = Settings().database_url
     with explained(url):
         upgrade(url)
     if as_json:
-        print_json({"revision": head_revision()})
-    messages().print(f"the database is at revision {head_revision()}")
+        print_json({"revision": HEAD})
+    messages().print(f"the database is at revision {HEAD}")

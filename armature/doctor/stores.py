@@ -10,7 +10,8 @@ from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
 from armature.doctor.finding import Finding, fail, ok, warn
 from shared.db.engine import make_engine
-from shared.db.migrate import current_revision, head_revision, is_known
+from shared.db.migrate import is_known
+from shared.db.revision import HEAD, current_revision
 from shared.settings import Settings
 
 CONNECT_TIMEOUT_S = 5
@@ -73,14 +74,14 @@ def _revision(engine: Engine, shown: str, sqlite: bool) -> Finding:
             said = connection.execute(text("PRAGMA quick_check(1)")).scalar_one()
         if said != "ok":
             return fail("database", f"{shown} is damaged: {said}", RESTORE)
-    current, head = current_revision(engine), head_revision()
+    current = current_revision(engine)
     found = f"{shown} at revision {current or 'none'}"
-    if current == head:
+    if current == HEAD:
         return ok("database", found)
     if current is not None and not is_known(current):
         advice = "install the version that wrote it, or a newer one"
         return fail("database", f"{found}, which this version does not know", advice)
-    behind = f"{found}, this version needs {head}"
+    behind = f"{found}, this version needs {HEAD}"
     if sqlite:
         return warn("database", behind, "the next 'armature up' or 'armature run' brings it there")
     return fail("database", behind, "run 'armature migrate', after a backup")

@@ -1,4 +1,4 @@
-"""Bring a database to the newest revision, and tell whether it is there."""
+"""Bring a database to the newest revision, or back."""
 
 from __future__ import annotations
 
@@ -7,12 +7,9 @@ from pathlib import Path
 
 from alembic import command
 from alembic.config import Config
-from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
-from sqlalchemy import Engine, make_url
-from sqlalchemy.exc import OperationalError
+from sqlalchemy import make_url
 
-from shared.db.engine import make_engine
 from shared.settings import Settings
 
 MIGRATIONS = Path(__file__).resolve().parents[2] / "migrations"
@@ -37,48 +34,9 @@ def downgrade(database_url: str, revision: str) -> None:
     command.downgrade(alembic_config(database_url), revision)
 
 
-def head_revision() -> str:
-    """Newest revision that this code knows."""
-    head = ScriptDirectory(str(MIGRATIONS)).get_current_head()
-    assert head is not None
-    return head
-
-
 def is_known(revision: str) -> bool:
     """Whether this code has a revision; a newer version's it has not."""
     return revision in {script.revision for script in ScriptDirectory(str(MIGRATIONS)).walk_revisions()}
-
-
-def current_revision(engine: Engine) -> str | None:
-    """Revision that a database is at; None when it is empty."""
-    with engine.connect() as connection:
-        return MigrationContext.configure(connection).get_current_revision()
-
-
-def revision_problem(engine: Engine) -> str | None:
-    """What to do about a database that this version cannot work with; None: nothing."""
-    current, head = current_revision(engine), head_revision()
-    if current == head:
-        return None
-    return (
-        f"the database is at revision {current or 'none'}, this version needs {head}: "
-        "run 'armature migrate' or the migrate job first"
-    )
-
-
-def require_head(database_url: str) -> None:
-    """End the process with a message when the database is at another revision.
-
-    One that cannot be reached is waited for elsewhere.
-    """
-    engine = make_engine(database_url)
-    try:
-        if problem := revision_problem(engine):
-            raise SystemExit(problem)
-    except OperationalError:
-        return
-    finally:
-        engine.dispose()
 
 
 class _one_at_a_time:  # noqa: N801 - used as a context manager

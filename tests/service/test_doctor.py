@@ -24,7 +24,8 @@ from services.codesign.kernels import cache_key
 from services.codesign.motor_data import MotorData
 from services.codesign.problem import FIRST, Objective, Problem, Task
 from services.codesign.robot import Robot
-from shared.db.migrate import downgrade, head_revision, upgrade
+from shared.db.migrate import downgrade, upgrade
+from shared.db.revision import HEAD
 from shared.settings import Settings
 from tests.servers import Server, free_port, postgres_database
 
@@ -90,9 +91,9 @@ def test_the_embedded_database(settings: Settings) -> None:
     path = settings.home / "armature.db"
     assert_found(database(settings), Level.OK, "not there yet")
     upgrade(settings.database_url)
-    assert_found(database(settings), Level.OK, str(path), head_revision())
+    assert_found(database(settings), Level.OK, str(path), HEAD)
     downgrade(settings.database_url, "0001")
-    assert_found(database(settings), Level.WARN, "at revision 0001", head_revision(), "armature up")
+    assert_found(database(settings), Level.WARN, "at revision 0001", HEAD, "armature up")
     with sqlite3.connect(path) as connection:
         connection.execute("UPDATE alembic_version SET version_num = 'later'")
     connection.close()
