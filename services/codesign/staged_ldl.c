@@ -29,6 +29,7 @@
  * They are stored by columns, lower triangle only. Loops run in whole vectors beyond the last slot, where every
  * column keeps zeros. */
 
+#include <limits.h>
 #include <math.h>
 #include <pthread.h>
 #include <stdatomic.h>
@@ -701,8 +702,10 @@ static int eliminate_candidates(const Plan *plan, Front *front, const Panel *pan
 /* Integers of the factors' header: what the solve must know. The table follows: where each stage's factors lie. */
 enum { STAGE_COUNT, CHAIN_COUNT, THREADS, TABLE, SIZE, HEADER };
 
-/* Room in the fronts for candidates that are delayed; doubled as long as the caller's arrays allow. */
+/* Room in the fronts for candidates that are delayed: doubled as long as the caller's arrays allow, and less where the
+ * systems are so large that the arrays would have more elements than MA27's integers count. */
 static const int DELAYED_ROOM = 48;
+static const int LEAST_DELAYED_ROOM = 6;
 
 static int front_reals(const Plan *plan) { return plan->stride * (plan->size + TILE_COLUMNS); }
 
@@ -712,10 +715,15 @@ static int thread_reals(const Plan *plan) { return 2 * front_reals(plan) + 2 * p
 static int thread_integers(const Plan *plan) { return 8 * plan->size; }
 
 typedef struct {
-  int integers, reals;
+  long long integers, reals;
   int remainder; /* size of the largest remainder that a chain leaves */
   int threads;
 } Space;
+
+/* Whether MA27's integers can say it, so many times. */
+static int countable(Space space, int times) {
+  return times * space.integers <= INT_MAX && times * space.reals <= INT_MAX;
+}
 
 /* Space that the factors of a stage may take, with room for `delayed` candidates and for pairs that join them. */
 static Space stage_space(const Plan *plan, int s, int delayed) {
@@ -741,9 +749,10 @@ static Space space_for(const Plan *plan, int planned, int delayed, int threads) 
     const int size = stage_space(plan, chain_end(plan, c) - 1, delayed).remainder;
     space.remainder = size > space.remainder ? size : space.remainder;
   }
-  space.reals += plan->nz + space.threads * thread_reals(&wider) + branches * space.remainder * space.remainder;
-  space.integers += HEADER + planned + 2 * plan->stages + space.threads * thread_integers(&wider);
-  space.integers += branches * space.remainder;
+  const long long remainders = (long long)branches * space.remainder;
+  space.reals += plan->nz + (long long)space.threads * thread_reals(&wider) + remainders * space.remainder;
+  space.integers += HEADER + planned + 2 * plan->stages + (long long)space.threads * thread_integers(&wider);
+  space.integers += remainders;
   return space;
 }
 
@@ -968,7 +977,7 @@ static int factorise(const Plan *plan, int planned, int room, double threshold, 
   for (int s = 0; s < plan->stages; s++) {
     const Space stage = stage_space(plan, s, room);
     f.table[2 * s] = integers, f.table[2 * s + 1] = reals;
-    integers += stage.integers, reals += stage.reals;
+    integers += (int)stage.integers, reals += (int)stage.reals;
   }
 
   f.remainders = malloc(sizeof(Remainder) * (size_t)plan->chains);
@@ -1165,8 +1174,14 @@ void ma27ad_(int *n, int *nz, const int *irn, const int *icn, int *iw, int *liw,
     length = room ? make_plan(&plan, irn, icn, DELAYED_ROOM, room, most) : NO_MEMORY;
     if (length >= 0) {
       ikeep[PLAN_LENGTH] = length + *n; /* it may say that it is too small for want of so much */
-      const Space space = space_for(&plan, ikeep[PLAN_LENGTH], DELAYED_ROOM, handed.threads);
-      info[4] = space.reals, info[5] = space.integers;
+      ikeep[ROOM] = DELAYED_ROOM;
+      Space space = space_for(&plan, ikeep[PLAN_LENGTH], ikeep[ROOM], handed.threads);
+      while (!countable(space, 1) && ikeep[ROOM] > LEAST_DELAYED_ROOM)
+        space = space_for(&plan, ikeep[PLAN_LENGTH], ikeep[ROOM] /= 2, handed.threads);
+      if (countable(space, 1))
+        info[4] = (int)space.reals, info[5] = (int)space.integers;
+      else
+        handed.refused++, info[0] = FAILED_SIZE;
     }
     free(room);
   }
@@ -1179,7 +1194,7 @@ static int plan_for(Plan *plan, const int *irn, const int *icn, int *ikeep, int 
                     int *needed) {
   const Plan bare = *plan;
   const int planned = ikeep[PLAN_LENGTH], threads = ikeep[THREADS];
-  int room = DELAYED_ROOM;
+  int room = ikeep[ROOM];
   if (HEADER + planned > integer_space) return *needed = 2 * (HEADER + planned), NO_INTEGER_SPACE;
   if (make_plan(plan, irn, icn, room, iw + HEADER, planned) < 0) return NO_INTEGER_SPACE;
   Space space = space_for(plan, planned, room, threads);
@@ -1188,10 +1203,10 @@ static int plan_for(Plan *plan, const int *irn, const int *icn, int *ikeep, int 
     if (more.reals > real_space || more.integers > integer_space) break;
     space = more, room *= 2;
   }
-  if (space.reals > real_space) return *needed = space.reals, NO_REAL_SPACE;
-  if (space.integers > integer_space) return *needed = space.integers, NO_INTEGER_SPACE;
+  if (space.reals > real_space) return *needed = (int)space.reals, NO_REAL_SPACE;
+  if (space.integers > integer_space) return *needed = (int)space.integers, NO_INTEGER_SPACE;
   *plan = bare;
-  if (room > DELAYED_ROOM) make_plan(plan, irn, icn, room, iw + HEADER, planned);
+  if (room > ikeep[ROOM]) make_plan(plan, irn, icn, room, iw + HEADER, planned);
   ikeep[ROOM] = room;
   return 0;
 }
@@ -1209,7 +1224,13 @@ void ma27bd_(int *n, int *nz, const int *irn, const int *icn, double *a, int *la
   plan.lists = plan.boundary + 2 * plan.first_boundary[plan.stages];
   plan.first_multiplier = ikeep[MULTIPLIERS];
   info[0] = factorise(&plan, ikeep[PLAN_LENGTH], ikeep[ROOM], cntl[0], ikeep[THREADS], a, iw, &info[14]);
-  if (info[0] == NO_REAL_SPACE) info[1] = space_for(&plan, ikeep[PLAN_LENGTH], 2 * ikeep[ROOM], ikeep[THREADS]).reals;
+  if (info[0] == NO_REAL_SPACE) {
+    const Space more = space_for(&plan, ikeep[PLAN_LENGTH], 2 * ikeep[ROOM], ikeep[THREADS]);
+    if (countable(more, 2)) /* IPOPT takes twice of what is asked for */
+      info[1] = (int)more.reals;
+    else
+      handed.refused++, info[0] = FAILED_SIZE;
+  }
   ikeep[PLANNED] = info[0] != NO_REAL_SPACE; /* else both arrays are allocated anew, and the plan is lost with them */
   *maxfrt = all_places(&plan) + ikeep[THREADS] * local_reals(iw);
 }

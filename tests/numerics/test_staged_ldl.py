@@ -197,6 +197,18 @@ def test_too_little_space_is_said():
     assert ma27.factorise(entries[2])[0] == 0
 
 
+@pytest.mark.parametrize(("stages", "status"), [(1900, 0), (2000, 0), (2200, WRONG_SIZE)])
+def test_space_beyond_what_integers_count_is_not_asked_for(stages, status, monkeypatch):
+    """Fronts of a thousand: room for delayed candidates is left out first, and what is too large still is refused."""
+    asked = []
+    monkeypatch.setattr(MA27, "allocate", lambda self, reals, integers: asked.append((reals, integers)))
+    unknowns = np.arange(1000 * stages)
+    ma27 = MA27(order_of([1000] * stages), len(unknowns), unknowns, unknowns)
+    assert ma27.status == status
+    (sizes,) = asked
+    assert sizes == (0, 0) if status else min(sizes) > len(unknowns)
+
+
 def test_singular_matrix_is_said():
     """Two equal constraints, in numbers whose sums are exact."""
     matrix = np.diag([1.0, 2.0, 4.0, 8.0, 8.0, 8.0, 8.0, 8.0, 0.0, 0.0])
