@@ -1,16 +1,18 @@
-"""The shared optimum beside the two-step, both through the service: `python -m benchmarks.shared_optimum`.
+"""The shared optimum beside the two-step, both through the service: `python -m benchmarks.shared_optimum [--tasks 25]`.
 
 One application of `method: shared_optimum` does what the two-step does (the tasks' own designs, their mean, the motions
 with it), the motions with the empirical design, and then solves the joint program from the better of the two. So one
 run gives both times on the same machine: from the first claim to the last of the two-step's motions, and to the shared
 design. The empirical motions count as part of the latter: they are where it starts from.
-Stored in benchmarks/results/shared_optimum.json, which the tables of docs/shared_optimum.md are written from.
+Stored in benchmarks/results/shared_optimum.json, which `make studies` writes the table of docs/shared_optimum.md from;
+with the memory of the largest process that there was, which is the one that solves the joint program.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import resource
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -86,7 +88,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--objectives", nargs="+", choices=OBJECTIVES, default=list(OBJECTIVES))
     arguments = parser.parse_args()
-    stored = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    runs: dict[str, dict[str, Any]] = {}
     with tempfile.TemporaryDirectory() as folder:
         home = Path(folder)
         default_cache().mkdir(parents=True, exist_ok=True)
@@ -98,7 +100,11 @@ def main() -> None:
             for name in arguments.objectives:
                 found = measure(client, engine, arguments.tasks, OBJECTIVES[name])
                 print(name, json.dumps(found), flush=True)
-                stored[f"{arguments.tasks} tasks, {name}"] = found
+                runs[f"{arguments.tasks} tasks, {name}"] = found
+    # Of all processes, which have ended by now and were waited for.
+    largest_mb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024 / 1e6
+    stored = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    stored |= {name: found | {"largest_process_mb": largest_mb} for name, found in runs.items()}
     RESULTS.parent.mkdir(exist_ok=True)
     RESULTS.write_text(json.dumps(stored, indent=1) + "\n")
 

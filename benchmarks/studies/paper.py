@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from armature.application_file import read_application
-from benchmarks.studies.records import ALL_METHODS, run
+from benchmarks.studies.records import ALL_METHODS, asked_again, run
 from benchmarks.tables import ROOT
 
 STUDY = "paper"
@@ -22,7 +22,7 @@ def requests() -> dict[str, dict[str, Any]]:
 
 def main() -> None:
     """Run what is not stored yet, and print the totals."""
-    for name, record in run(STUDY, requests()).items():
+    for name, record in run(STUDY, requests(), again=asked_again(__doc__)).items():
         print(name, {method: (record.judged(method), record.undone(method)) for method in record.objectives})
 
 

@@ -1,11 +1,14 @@
 """Applications are run once, through the embedded service, and what it answers is kept.
 
 A study is a mapping from names to requests. What is stored already for the same request is not run again, and every
-answer is stored as soon as it is there: an interrupted study goes on where it stopped.
+answer is stored as soon as it is there: an interrupted study goes on where it stopped. Every answer has the digest of
+the solver's sources that it was made with; with `--again` those of other sources are run again.
 """
 
 from __future__ import annotations
 
+import argparse
+import hashlib
 import json
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -24,6 +27,7 @@ from shared.contracts.sweeps import SweepStatus
 from shared.settings import Settings
 
 RESULTS = Path(__file__).parents[1] / "results"
+SOLVER = Path(__file__).parents[2] / "services" / "codesign"
 DIGITS = 9
 """Significant digits that are kept: three more than the solver's tolerance gives."""
 
@@ -58,23 +62,44 @@ def read(study: str) -> dict[str, Record]:
     return {name: _record(content) for name, content in _stored(study).items()}
 
 
-def run(study: str, requests: Mapping[str, Mapping[str, Any]], workers: int = 1) -> dict[str, Record]:
-    """Run what is not stored yet, and return all records, in the order of the requests."""
-    stored = {name: content for name, content in _stored(study).items() if content["request"] == requests.get(name)}
-    left = {name: request for name, request in requests.items() if name not in stored}
+def solver_digest() -> str:
+    """Of the sources that make the numbers, comments included: equal for results that are of one solver."""
+    sources = sorted(path for path in SOLVER.iterdir() if path.suffix in (".py", ".c"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
+
+
+def asked_again(description: str | None) -> bool:
+    """Whether the command line of a study asks for what other sources made to be run again."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--again", action="store_true", help="run again what another solver made")
+    return bool(parser.parse_args().again)
+
+
+def run(
+    study: str, requests: Mapping[str, Mapping[str, Any]], workers: int = 1, *, again: bool = False
+) -> dict[str, Record]:
+    """Run what is not stored yet, `again` what other sources made, and return all records as they are asked for."""
+    stored, solver = _stored(study), solver_digest()
+    left = {
+        name: request
+        for name, request in requests.items()
+        if name not in stored or stored[name]["request"] != request or (again and stored[name].get("solver") != solver)
+    }
     if left:
         with embedded_service(workers) as client:
             for name, request in left.items():
-                stored[name] = _answers(client, request)
+                stored[name] = _answers(client, request) | {"solver": solver}
                 keep(study, {key: stored[key] for key in requests if key in stored})
                 print(f"{study}: {name}", flush=True)
     return {name: _record(stored[name]) for name in requests}
 
 
-def stored_sweep(study: str, request: Mapping[str, Any] | None = None) -> SweepStatus | None:
-    """A stored sweep; None when there is none, or of another request."""
+def stored_sweep(study: str, request: Mapping[str, Any] | None = None, *, again: bool = False) -> SweepStatus | None:
+    """A stored sweep; None when there is none, or of another request, or, `again`, of other sources."""
     content = _stored(study)
     if not content or request not in (None, content["request"]):
+        return None
+    if again and content.get("solver") != solver_digest():
         return None
     return SweepStatus.model_validate(content["sweep"])
 

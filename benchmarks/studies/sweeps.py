@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from benchmarks.studies.records import PAPER, embedded_service, keep, stored_sweep
+from benchmarks.studies.records import PAPER, asked_again, embedded_service, keep, solver_digest, stored_sweep
 
 BASE: dict[str, Any] = {
     "robot": "ur5",
@@ -38,13 +38,14 @@ SWEEPS: dict[str, dict[str, Any]] = {
 
 def main() -> None:
     """Run what is not stored yet."""
-    left = {name: request for name, request in SWEEPS.items() if stored_sweep(name, request) is None}
+    again = asked_again(__doc__)
+    left = {name: request for name, request in SWEEPS.items() if stored_sweep(name, request, again=again) is None}
     if left:
         with embedded_service() as client:
             for name, request in left.items():
                 sweep = client.submit_sweep(request)
                 table = sweep.wait()
-                keep(name, {"request": request, "sweep": table.model_dump(mode="json")})
+                keep(name, {"request": request, "solver": solver_digest(), "sweep": table.model_dump(mode="json")})
     for name, request in SWEEPS.items():
         table = stored_sweep(name, request)
         assert table is not None

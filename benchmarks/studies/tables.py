@@ -191,6 +191,28 @@ def _judged(record: Record, method: str) -> str:
     return f"{record.judged(method):.6g}"
 
 
+def cost() -> str:
+    """Seconds of the two-step and of the shared optimum in one run, and what each design gives."""
+    head = ["tasks", "objective", "two-step s", "shared s", "ratio", "iterations", "KKT", "shared total", "two-step"]
+    stored = json.loads((RESULTS / "shared_optimum.json").read_bytes())
+    return table([*head, "empirical", "largest process, MB"], map(_cost_row, stored.values()))
+
+
+def _cost_row(run: Mapping[str, Any]) -> list[str]:
+    totals, unit = run["totals"], {"1": ""}.get(run["unit"], f" {run['unit'].replace('V2', 'V²')}")
+    kind, left_out = run["objective"]["kind"], run["tasks"] - run["tasks_compared"]
+    memory = run.get("largest_process_mb")
+    return [
+        str(run["tasks"]),
+        f"{kind}; over the {run['tasks_compared']} tasks that every design can do" if left_out else kind,
+        *(f"{run[name]:.3g}" for name in ("two_step_s", "shared_s", "ratio")),
+        str(run["iterations"]),
+        f"{run['kkt_residual']:.1e}",
+        *(f"{totals[method]:.5g}{unit}" for method in (SHARED, "two_step", "empirical")),
+        "-" if memory is None else f"{memory:.0f}",
+    ]
+
+
 SECTIONS: Mapping[str, Callable[[], str]] = {
     "paper": paper,
     "poses": poses,
@@ -199,6 +221,7 @@ SECTIONS: Mapping[str, Callable[[], str]] = {
     "front": front,
     "gears": gears,
     "limits": limits,
+    "cost": cost,
 }
 
 

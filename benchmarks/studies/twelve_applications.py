@@ -10,7 +10,7 @@ from __future__ import annotations
 from itertools import product
 from typing import Any
 
-from benchmarks.studies.records import ALL_METHODS, PAPER, run
+from benchmarks.studies.records import ALL_METHODS, PAPER, asked_again, run
 
 STUDY = "twelve_applications"
 ROBOTS = ("ur5", "ur5_modern_robotics")
@@ -50,7 +50,7 @@ def requests() -> dict[str, dict[str, Any]]:
 
 def main() -> None:
     """Run what is not stored yet, and print the totals."""
-    for name, record in run(STUDY, requests()).items():
+    for name, record in run(STUDY, requests(), again=asked_again(__doc__)).items():
         print(name, {method: (record.judged(method), record.undone(method)) for method in record.objectives})
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from armature.application_file import read_application
-from benchmarks.studies.records import RESULTS, Record, keep, run
+from benchmarks.studies.records import RESULTS, Record, asked_again, keep, run
 from services.codesign.problem import Problem, Task
 from services.codesign.robot import Robot
 from services.codesign.solve import solve
@@ -46,7 +46,7 @@ def every_design(record: Record) -> list[list[float | None]]:
 
 def main() -> None:
     """Run what is not stored yet."""
-    record = run(STUDY, {"time": request()})["time"]
+    record = run(STUDY, {"time": request()}, again=asked_again(__doc__))["time"]
     path = RESULTS / f"{DESIGNS}.json"
     stored = json.loads(path.read_bytes()) if path.exists() else {}
     designs = [task.design_mm for task in record.designs.tasks]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from benchmarks.studies.records import PAPER, run
+from benchmarks.studies.records import PAPER, asked_again, run
 
 STUDY = "worst_task"
 OVER_TASKS: dict[str, dict[str, Any]] = {
@@ -66,7 +66,7 @@ def requests() -> dict[str, dict[str, Any]]:
 
 def main() -> None:
     """Run what is not stored yet, and print the table."""
-    for name, record in run(STUDY, requests()).items():
+    for name, record in run(STUDY, requests(), again=asked_again(__doc__)).items():
         found = record.comparison.methods["shared_optimum"]
         deciding = record.designs.methods["shared_optimum"].deciding_tasks or []
         print(
