@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import psycopg
 import pytest
 import structlog
 from fastapi.testclient import TestClient
@@ -29,7 +30,7 @@ from worker.run_job import run_job
 
 Lines = Callable[[str], list[dict[str, Any]]]
 
-AWAY = OperationalError("SELECT 1", None, worker.patience.psycopg.OperationalError("gone"))
+AWAY = OperationalError("SELECT 1", None, psycopg.OperationalError("gone"))
 
 
 @pytest.fixture
