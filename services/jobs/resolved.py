@@ -25,11 +25,11 @@ from shared.contracts.application import (
     MotorRequest,
     ObjectiveRequest,
     ScatterRequest,
-    Strict,
     TaskRequest,
     TieBreakRequest,
     TranscriptionRequest,
 )
+from shared.contracts.strict import Strict
 
 SHARED: MethodName = "shared_optimum"
 CATALOGUE: MethodName = "catalogue"

@@ -9,7 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, Self, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
+
+from shared.contracts.strict import Strict
 
 LONGEST_NAME = 200
 Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
@@ -17,12 +19,6 @@ MOST_TAGS = 20
 MOST_INTERVALS = 400
 MOST_JOINTS = 20
 MOST_STARTS = 16
-
-
-class Strict(BaseModel):
-    """Unknown fields, numbers in quotes, NaN and infinity are refused; values do not change after validation."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 
 
 class OverTasksRequest(Strict):

@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field
 
-from shared.contracts.application import MOST_JOINTS, Name, Strict
+from shared.contracts.application import MOST_JOINTS, Name
+from shared.contracts.strict import Strict
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 PerJoint = float | Annotated[list[float], Field(max_length=MOST_JOINTS)] | dict[str, float]

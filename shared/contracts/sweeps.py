@@ -6,7 +6,8 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from shared.contracts.application import MOST_TAGS, Name, Strict
+from shared.contracts.application import MOST_TAGS, Name
+from shared.contracts.strict import Strict
 
 MOST_AXES = 5
 

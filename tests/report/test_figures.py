@@ -160,22 +160,47 @@ def test_limits_are_found_from_the_peaks() -> None:
         assert np.isnan(found[1]), "a joint that stands still says nothing about its limit"
 
 
+def lines(axes: Axes, label: str) -> list[np.ndarray]:
+    """Points (m, 2) of each joint's line."""
+    return next(found for found in axes.collections if found.get_label() == label).get_segments()  # type: ignore[attr-defined,no-any-return]
+
+
 def test_motion_chart_has_a_row_for_each_quantity() -> None:
+    """With a line for each joint, the second one's to the right of the first one's."""
     motion = made_up.motion()
     figure = motion_chart(motion, motion_limits(motion, made_up.result(1.0), None), "a task")
-    labels = [axes.get_ylabel().replace("\n", " ") for axes in figure.axes if axes.get_ylabel()]
+    labels = [axes.get_ylabel().replace("\n", " ") for axes in figure.axes]
     assert labels == ["position [rad]", "joint speed [rad/s]", "joint torque [N m]", "current [A]", "voltage [V]"]
-    voltages = figure.axes[8].lines[:2]  # joint 1, last row
-    assert [line.get_drawstyle() for line in voltages] == ["steps-pre", "steps-pre"]
-    assert voltages[1].get_ydata() == pytest.approx([row[0] for row in motion.voltage_q_V])
+    first, second = lines(figure.axes[3], "q")
+    assert first[:, 1] == pytest.approx([row[0] for row in motion.current_q_A])
+    assert first[:, 0] == pytest.approx([0, 0.25, 0.5, 0.75, 1])
+    assert second[0, 0] > first[-1, 0]
 
 
 def test_voltages_are_steps_only_where_they_are_constant() -> None:
+    """A voltage holds on the interval that ends at its point."""
     motion = made_up.motion()
+    limits = motion_limits(motion, made_up.result(1.0), None)
+    given = [row[0] for row in motion.voltage_q_V]
+    held = lines(motion_chart(motion, limits, "a task").axes[4], "q")[0]
+    assert held[:, 1] == pytest.approx([given[0], *np.repeat(given[1:], 2)])
+    assert held[:, 0] == pytest.approx([0, 0, 0.25, 0.25, 0.5, 0.5, 0.75, 0.75, 1])
     smooth = motion.control.model_copy(update={"kind": "piecewise_polynomial"})
     motion = motion.model_copy(update={"control": smooth})
-    figure = motion_chart(motion, motion_limits(motion, made_up.result(1.0), None), "a task")
-    assert [line.get_drawstyle() for line in figure.axes[8].lines[:2]] == ["default", "default"]
+    assert lines(motion_chart(motion, limits, "a task").axes[4], "q")[0][:, 1] == pytest.approx(given)
+
+
+def test_limits_of_a_motion_are_drawn_where_they_are_or_written() -> None:
+    """Currents up to half of their limit are drawn without it; up to nine tenths, with it."""
+    motion = made_up.motion()
+    limits = motion_limits(motion, made_up.result(1.0), None)
+    far = motion_chart(motion, limits, "a task").axes[3]
+    assert texts(far) == ["limit ±3"]
+    assert not list(far.patches)
+    grown = [[1.8 * value for value in row] for row in motion.current_q_A]
+    near = motion_chart(motion.model_copy(update={"current_q_A": grown}), limits, "a task").axes[3]
+    assert texts(near) == []
+    assert sorted(box.get_y() for box in near.patches if isinstance(box, Rectangle)) == [-3, 3]
 
 
 def test_totals_are_written_beside_their_bars() -> None:
