@@ -11,6 +11,7 @@ from services.codesign import kernels as kernels_module
 from services.codesign.elimination import Elimination
 from services.codesign.freedom import Freedom, FreeGear, TieBreak
 from services.codesign.instance import build_instance, scales_of
+from services.codesign.limits import limit_slopes
 from services.codesign.motor import evaluate_motor
 from services.codesign.motor_data import MotorData
 from services.codesign.problem import Objective, Problem, Transcription
@@ -82,6 +83,15 @@ def test_the_lightest_design_within_the_tolerance(kind: str) -> None:
     assert max(violation(row, light.problem.motor) for row in light.design) < 1e-6
     again = solve(replace(ur5(kind=kind), design=light.design))
     assert again.objective == pytest.approx(light.objective, rel=SOLVER)
+
+
+def test_multipliers_are_still_slopes_of_the_objective() -> None:
+    """With hardly anything given up, what limits cost is what it is at the optimum."""
+    plain, light = solve(ur5()), broken(ur5(), tolerance=1e-5)
+    before, after = (limit_slopes(s.problem, s.lam_x, s.lam_g) for s in (plain, light))
+    for name in ("current_limit_A", "rotor_speed_limit_rad_s"):
+        assert before[name].slope < 0
+        assert after[name].slope == pytest.approx(before[name].slope, rel=0.1)
 
 
 def test_more_tolerance_makes_it_lighter() -> None:
