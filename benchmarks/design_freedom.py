@@ -129,6 +129,8 @@ def _tie_break_row(kind: str, name: str, stored: Mapping[str, Mapping[str, Any]]
     case = stored[name]
     totals, masses, wrist = case["weighted"], case["mass_kg"], np.array(case["spread"])[3:]
     title = {"paper": "paper's 25 tasks", "poses": "five poses"}[kind] + name.removeprefix(kind)
+    if case["tasks_compared"] < stored[kind]["tasks_compared"]:
+        title += f"; over {case['tasks_compared']} of them"
     return [
         title,
         f"{totals['own']:.4f}",
