@@ -14,6 +14,9 @@ from benchmarks.studies.tables import SECTIONS, SHARED, best_single_design, larg
 from benchmarks.tables import with_section
 
 PAGE = Path(__file__).parents[2] / "docs" / "shared_optimum.md"
+BARRIER_LOSS = 5e-4
+"""Relative: the joint program keeps its barrier parameter, and of that a task may win back what others do not when its
+motion is solved by itself."""
 METHODS = ("two_step", "empirical", "worst_case")
 
 SAME_OPTIMUM = 1e-5
@@ -81,7 +84,7 @@ def test_tasks_that_decide_are_the_slowest(kind: str) -> None:
     times = [value for value in found.objectives[SHARED] if value is not None]
     deciding = found.designs.methods[SHARED].deciding_tasks or []
     assert sum(task.share for task in deciding) == pytest.approx(1.0, abs=0.01)
-    assert [times[task.index] for task in deciding] == pytest.approx([max(times)] * len(deciding), rel=1e-4)
+    assert [times[task.index] for task in deciding] == pytest.approx([max(times)] * len(deciding), rel=BARRIER_LOSS)
     assert len(deciding) < len(times)
 
 
