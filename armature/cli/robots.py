@@ -138,7 +138,8 @@ def _print_arm(arm: Robot) -> None:
             f"{radius:.3f}",
             f"{arm.viscous_friction[k]:.3g}, {arm.coulomb_friction[k]:.3g}",
         )
-    total = f"{arm.name}: {arm.joints} joints, reach {reach(arm):.3f} m, {arm.link_mass.sum():.2f} kg without motors"
+    joints = "1 joint" if arm.joints == 1 else f"{arm.joints} joints"
+    total = f"{arm.name}: {joints}, reach {reach(arm):.3f} m, {arm.link_mass.sum():.2f} kg without motors"
     print_table(output(), total, table)
 
 

@@ -10,6 +10,7 @@ const LIGHT = [0.35, -0.5, 0.79];
 const LINK_RADIUS = 0.024; // m; the model gives links no shape
 const BASE_RADIUS = 0.05;
 const BALL_RADIUS = 0.05; // m, the payload of the model
+const SMALLEST_ROOM = 0.2; // m, to either side: an arm without a length, as of one joint, would be nothing but its payload
 const GRID = 0.1; // m
 
 /**
@@ -79,11 +80,13 @@ function roomOf(robot, positions) {
   const ends = [0, 1, 2].map((k) => [Math.min(...points.map((p) => p[k])), Math.max(...points.map((p) => p[k]))]);
   const floor = ends[2][0] < -1e-6 ? Math.floor((ends[2][0] - BALL_RADIUS) / GRID) * GRID : 0;
   ends[2][0] = floor;
+  const centre = ends.map(([low, high]) => (low + high) / 2);
+  const around = [0, 1, 2].flatMap((k) => [-1, 1].map((sign) => centre.map((x, i) => x + (i === k ? sign * SMALLEST_ROOM : 0))));
   return {
-    centre: ends.map(([low, high]) => (low + high) / 2),
-    radius: length(ends.map(([low, high]) => (high - low) / 2)) + BALL_RADIUS,
+    centre,
+    radius: Math.max(SMALLEST_ROOM, length(ends.map(([low, high]) => (high - low) / 2)) + BALL_RADIUS),
     floor,
-    points: [...points, [points[0][0], points[0][1], floor]],
+    points: [...points, ...around, [points[0][0], points[0][1], floor]],
   };
 }
 

@@ -35,8 +35,12 @@ export function panel(row, joint, end, { large, seek }) {
       s("line", { class: "gridline", x1: left, x2: width - right, y1: y(value), y2: y(value) }),
       s("text", { x: left - 4, y: y(value) + 4, "text-anchor": "end" }, number(value, 3)),
     ]),
-    ticks(0, 1000 * end, large ? 5 : 2).map((ms) =>
-      s("text", { x: x(ms / 1000), y: height - 4, "text-anchor": ms / 1000 > 0.85 * end ? "end" : "middle" }, timeLabel(ms)),
+    ticks(0, 1000 * end, large ? 4 : 2).map((ms, k, all) =>
+      s(
+        "text",
+        { x: x(ms / 1000), y: height - 4, "text-anchor": ms / 1000 > 0.85 * end ? "end" : "middle" },
+        k + 1 < all.length ? number(ms) : `${number(ms)} ms`,
+      ),
     ),
     [low, high].map((value) => (inView(value) ? s("line", { class: "limit", x1: x(0), x2: x(end), y1: y(value), y2: y(value) }) : null)),
     row.curves.toReversed().map((curve) =>
@@ -66,8 +70,6 @@ export function panel(row, joint, end, { large, seek }) {
     },
   };
 }
-
-const timeLabel = (ms) => (ms === 0 ? "0" : `${number(ms)} ms`);
 
 /** All limits in view when the motion comes near any of them, else the motion alone: the same for all joints. */
 function viewOf(row) {
