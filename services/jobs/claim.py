@@ -8,28 +8,18 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from sqlalchemy import Engine, Float, Integer, String, bindparam, func, select, update
+from sqlalchemy import Engine, Float, String, bindparam, case, func, literal, null, select, update
 
 from services.codesign.solver import IterationReport
 from services.jobs.plan import JobSpec
-from services.jobs.record import (
-    APPLICATIONS,
-    HELD_TOKEN,
-    JOBS,
-    LOCKED,
-    OF_APPLICATION,
-    OF_JOB,
-    RECORD,
-    Move,
-    add_event,
-    prune,
-)
+from services.jobs.record import APPLICATIONS, HELD_TOKEN, JOBS, OF_APPLICATION, OF_JOB, PLACE, prune, record
 from services.jobs.store import CANCELLED, emit, lock_application, requeue, settle
 from services.jobs.time_left import COMPILING
 from shared.db.clock import now
-from shared.db.engine import reading, transaction
-from shared.db.tables import Application, Job, Outbox, table_of
-from shared.db.together import Together
+from shared.db.documents import json_object
+from shared.db.engine import at_once, reading, transaction
+from shared.db.tables import Application, Event, Job, Outbox, table_of
+from shared.db.together import Columns, Statement, WithRow, row_into
 from shared.domain import ApplicationState, JobState, Stage
 
 
@@ -45,59 +35,73 @@ class Claim:
     worker: str
 
 
-_QUEUED = (
+def _take(job: Columns) -> dict[str, Statement]:
+    """What a claim writes."""
+    by = bindparam("by", type_=String)
+    first = job["application_state"] == literal(ApplicationState.QUEUED, String)
+    begun = {
+        "application_id": job["application_id"],
+        "number": job["last_event"] + 2,
+        "kind": literal("application", String),
+        "content": json_object({"state": literal(ApplicationState.RUNNING, String), "reason": null()}),
+        "at": now(),
+    }
+    return {
+        "job": update(JOBS)
+        .where(JOBS.c.id == job["job_id"])
+        .values(
+            state=JobState.RUNNING,
+            token=JOBS.c.token + 1,
+            attempts=JOBS.c.attempts + 1,
+            worker=by,
+            lease_until=now() + bindparam("lease_s", type_=Float),
+            started_at=func.coalesce(JOBS.c.started_at, now()),
+        ),
+        "application": update(APPLICATIONS)
+        .where(APPLICATIONS.c.id == job["application_id"])
+        .values(
+            last_event=job["last_event"] + case((first, 2), else_=1),
+            state=ApplicationState.RUNNING,
+            started_at=func.coalesce(APPLICATIONS.c.started_at, now()),
+        ),
+        "message": update(_OUTBOX).where(_OUTBOX.c.job_id == job["job_id"]).values(due_at=None),
+        "begun": row_into(Event, begun, first),
+        **record(
+            job,
+            job["token"] + 1,
+            literal(JobState.QUEUED, String),
+            literal(JobState.RUNNING, String),
+            by,
+        ),
+    }
+
+
+_OUTBOX = table_of(Outbox)
+
+_CLAIM = WithRow(
     select(
-        APPLICATIONS.c.id.label("application_id"),
+        JOBS.c.id.label("job_id"),
+        *PLACE,
+        JOBS.c.token,
         APPLICATIONS.c.state.label("application_state"),
         APPLICATIONS.c.last_event,
-        *(JOBS.c[name] for name in ("generation", "stage", "method", "task_index", "token")),
     )
-    .join(JOBS, JOBS.c.application_id == APPLICATIONS.c.id)
+    .join_from(APPLICATIONS, JOBS, JOBS.c.application_id == APPLICATIONS.c.id)
     .where(JOBS.c.id == OF_JOB, JOBS.c.state == JobState.QUEUED)
-    .with_for_update(of=LOCKED)
-)
-
-_TAKE = Together(
-    token=update(JOBS)
-    .where(JOBS.c.id == OF_JOB, JOBS.c.state == JobState.QUEUED)
-    .values(
-        state=JobState.RUNNING,
-        token=JOBS.c.token + 1,
-        attempts=JOBS.c.attempts + 1,
-        worker=bindparam("by", type_=String),
-        lease_until=now() + bindparam("lease_s", type_=Float),
-        started_at=func.coalesce(JOBS.c.started_at, now()),
-    )
-    .returning(JOBS.c.token),
-    application=update(APPLICATIONS)
-    .where(APPLICATIONS.c.id == OF_APPLICATION)
-    .values(
-        last_event=bindparam("newest_event", type_=Integer),
-        state=ApplicationState.RUNNING,
-        started_at=func.coalesce(APPLICATIONS.c.started_at, now()),
-    ),
-    message=update(table_of(Outbox)).where(table_of(Outbox).c.job_id == OF_JOB).values(due_at=None),
-    **RECORD,
+    .with_for_update(of=[APPLICATIONS, JOBS]),
+    _take,
 )
 
 
 def claim(engine: Engine, job_id: str, worker: str, lease_s: float) -> Claim | None:
     """Take a queued job; None when it is not queued (a doubled or late message) or gone."""
-    with engine.begin() as connection:
-        job = connection.execute(_QUEUED, {"of_job": job_id}).one_or_none()
+    with at_once(engine) as connection:
+        job = _CLAIM.run(connection, {"of_job": job_id, "by": worker, "lease_s": lease_s})
         if job is None:
             return None
-        spec = JobSpec(Stage(job.stage), job.method, job.task_index)
-        move = Move(job_id, job.application_id, spec, JobState.QUEUED, JobState.RUNNING, job.token + 1, worker)
-        number, first = job.last_event + 1, job.application_state == ApplicationState.QUEUED
-        values = {"lease_s": lease_s, "newest_event": number + first}
-        token = _TAKE.run(connection, move.parameters(number) | values)["token"]
-        assert token == move.token
-        prune(connection, job.application_id, number)
-        if first:
-            running = {"state": ApplicationState.RUNNING, "reason": None}
-            add_event(connection, job.application_id, number + 1, "application", running)
-        return Claim(job_id, job.application_id, job.generation, spec, token, worker)
+        prune(connection, job["application_id"], job["last_event"] + 1)
+    spec = JobSpec(Stage(job["stage"]), job["method"], job["task_index"])
+    return Claim(job_id, job["application_id"], job["generation"], spec, job["token"] + 1, worker)
 
 
 @dataclass(frozen=True)
@@ -132,7 +136,7 @@ _RENEW = (
 def renew(engine: Engine, held: Claim, lease_s: float) -> Pulse:
     """Extend the lease; `mine` is False when it was lost."""
     values = {"of_job": held.job_id, "of_application": held.application_id, "held_token": held.token}
-    with engine.begin() as connection:
+    with at_once(engine) as connection:
         renewed = connection.execute(_RENEW, values | {"lease_s": lease_s}).one_or_none()
     if renewed is None:
         return Pulse(**asdict(requests_of(engine, held)), mine=False)

@@ -6,26 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from sqlalchemy import Connection, Engine, Insert, Integer, String, Update, bindparam, insert, select, update
+from sqlalchemy import Connection, Engine, Integer, String, and_, bindparam, insert, literal, select, update
 from sqlalchemy.orm import Session
 
 from services.jobs.claim import Claim
-from services.jobs.record import (
-    APPLICATIONS,
-    EVENT_NUMBER,
-    HELD_TOKEN,
-    JOBS,
-    LOCKED,
-    OF_APPLICATION,
-    OF_JOB,
-    RECORD,
-    Move,
-    prune,
-)
+from services.jobs.record import APPLICATIONS, HELD_TOKEN, JOBS, OF_JOB, PLACE, prune, record, refuse_unknown
 from services.jobs.store import advance
 from shared.db.clock import now
+from shared.db.engine import at_once
 from shared.db.tables import Design, Result, Stage, table_of
-from shared.db.together import Together
+from shared.db.together import Columns, Statement, WithRow, row_into
 from shared.domain import JobState
 
 
@@ -42,55 +32,85 @@ class Outcome:
     designs: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # kind -> content
 
 
-_HELD = (
-    select(APPLICATIONS.c.last_event, APPLICATIONS.c.generation)
-    .join(JOBS, JOBS.c.application_id == APPLICATIONS.c.id)
-    .where(JOBS.c.id == OF_JOB, JOBS.c.token == HELD_TOKEN, JOBS.c.state == JobState.RUNNING)
-    .with_for_update(of=LOCKED)
-)
-
 _STAGES = table_of(Stage)
 
-_END: dict[str, Insert | Update] = {
-    "job": update(JOBS)
-    .where(JOBS.c.id == OF_JOB, JOBS.c.token == HELD_TOKEN, JOBS.c.state == JobState.RUNNING)
-    .values(
-        state=bindparam("target", type_=String),
-        reason=bindparam("because", type_=String),
-        lease_until=None,
-        finished_at=now(),
-    ),
-    "remaining": update(_STAGES)
+
+def _end(job: Columns) -> dict[str, Statement]:
+    """What the end of each job writes."""
+    target = bindparam("target", type_=String)
+    return {
+        "job": update(JOBS)
+        .where(JOBS.c.id == job["job_id"])
+        .values(state=target, reason=bindparam("because", type_=String), lease_until=None, finished_at=now()),
+        "remaining": update(_STAGES)
+        .where(
+            _STAGES.c.application_id == job["application_id"],
+            _STAGES.c.generation == job["of_generation"],
+            _STAGES.c.name == job["stage"],
+        )
+        .values(remaining=_STAGES.c.remaining - 1)
+        .returning(_STAGES.c.remaining),
+        "application": update(APPLICATIONS)
+        .where(APPLICATIONS.c.id == job["application_id"])
+        .values(last_event=job["last_event"] + 1),
+        **record(job, job["token"], literal(JobState.RUNNING, String), target, bindparam("by", type_=String)),
+    }
+
+
+_CONTENT = [table_of(Result).c[name] for name in ("value", "summary", "arrays", "log")]
+
+
+def _end_with_result(job: Columns) -> dict[str, Statement]:
+    """The same, of a job that found something."""
+    result = {column.name: job[column.name] for column in PLACE} | {"job_id": job["job_id"]}
+    content = {column.name: bindparam(f"its_{column.name}", type_=column.type) for column in _CONTENT}
+    return _end(job) | {"result": row_into(Result, result | content)}
+
+
+_HELD = (
+    select(
+        JOBS.c.id.label("job_id"),
+        *PLACE,
+        JOBS.c.token,
+        APPLICATIONS.c.generation.label("of_generation"),
+        APPLICATIONS.c.last_event,
+    )
+    .join_from(APPLICATIONS, JOBS, JOBS.c.application_id == APPLICATIONS.c.id)
+    .join(
+        _STAGES,
+        and_(
+            _STAGES.c.application_id == APPLICATIONS.c.id,
+            _STAGES.c.generation == APPLICATIONS.c.generation,
+            _STAGES.c.name == JOBS.c.stage,
+        ),
+    )
     .where(
-        _STAGES.c.application_id == OF_APPLICATION,
-        _STAGES.c.generation == bindparam("of_generation", type_=Integer),
-        _STAGES.c.name == bindparam("of_stage", type_=String),
+        JOBS.c.id == OF_JOB,
+        JOBS.c.token == HELD_TOKEN,
+        JOBS.c.state == JobState.RUNNING,
+        _STAGES.c.remaining > bindparam("others", type_=Integer),
     )
-    .values(remaining=_STAGES.c.remaining - 1)
-    .returning(_STAGES.c.remaining),
-    "application": update(APPLICATIONS).where(APPLICATIONS.c.id == OF_APPLICATION).values(last_event=EVENT_NUMBER),
-    **RECORD,
-}
+    .with_for_update(of=[APPLICATIONS, JOBS, _STAGES])
+)
 
-_RESULT: dict[str, Insert | Update] = {
-    "result": insert(table_of(Result)).values(
-        {column: bindparam(f"its_{column.name}", type_=column.type) for column in table_of(Result).c}
-    )
-}
-
-_END_WITHOUT_RESULT, _END_WITH_RESULT = Together(**_END), Together(**_END, **_RESULT)
+_END, _END_WITH_RESULT = WithRow(_HELD, _end), WithRow(_HELD, _end_with_result)
 
 
 def finish(engine: Engine, held: Claim, outcome: Outcome) -> bool:
-    """Record an outcome once; False when the lease was lost meanwhile and the outcome is discarded."""
+    """Record an outcome once; False when the lease was lost meanwhile and the outcome is discarded.
+
+    Most jobs are not the last of their stage, and nothing follows from them: that is one statement.
+    """
+    assert outcome.state.final
+    refuse_unknown(held.job_id, JobState.RUNNING, outcome.state)
+    if not outcome.designs:
+        with at_once(engine) as connection:
+            if _write(connection, held, outcome, others=1) is not None:
+                return True
     with engine.begin() as connection:
-        lease = {"of_job": held.job_id, "held_token": held.token}
-        application = connection.execute(_HELD, lease).one_or_none()
-        if application is None:
+        remaining = _write(connection, held, outcome, others=0)
+        if remaining is None:
             return False
-        number = application.last_event + 1
-        remaining = _end(connection, held, outcome, application.generation, number)
-        prune(connection, held.application_id, number)
         designs = [{"kind": kind, "content": dict(content)} for kind, content in outcome.designs.items()]
         if designs:
             of_generation = {"application_id": held.application_id, "generation": held.generation}
@@ -101,30 +121,18 @@ def finish(engine: Engine, held: Claim, outcome: Outcome) -> bool:
         return True
 
 
-def _end(connection: Connection, held: Claim, outcome: Outcome, generation: int, number: int) -> int:
-    """Write what the end of each job writes; returns how many jobs of its stage are still out."""
-    assert outcome.state.final
-    move = Move(held.job_id, held.application_id, held.spec, JobState.RUNNING, outcome.state, held.token, held.worker)
-    of_stage = {"of_generation": generation, "of_stage": held.spec.stage}
-    values = move.parameters(number) | of_stage | {"because": outcome.reason}
+def _write(connection: Connection, held: Claim, outcome: Outcome, others: int) -> int | None:
+    """Write what the end of each job writes, if at least so many `others` of its stage are out.
+
+    Returns how many of the stage are out now; None: fewer, or the lease was lost, and nothing was written.
+    """
+    lease = {"of_job": held.job_id, "held_token": held.token, "by": held.worker, "others": others}
+    values = lease | {"target": outcome.state, "because": outcome.reason}
     if outcome.summary:
-        answers = _END_WITH_RESULT.run(connection, values | _result(held, outcome))
-    else:
-        answers = _END_WITHOUT_RESULT.run(connection, values)
-    return int(answers["remaining"])
-
-
-def _result(held: Claim, outcome: Outcome) -> dict[str, Any]:
-    result = {
-        "job_id": held.job_id,
-        "application_id": held.application_id,
-        "generation": held.generation,
-        "stage": held.spec.stage,
-        "method": held.spec.method,
-        "task_index": held.spec.task_index,
-        "value": outcome.value,
-        "summary": dict(outcome.summary),
-        "arrays": outcome.arrays,
-        "log": list(outcome.log),
-    }
-    return {f"its_{name}": value for name, value in result.items()}
+        content = {"value": outcome.value, "summary": dict(outcome.summary), "arrays": outcome.arrays}
+        values |= {f"its_{name}": value for name, value in content.items()} | {"its_log": list(outcome.log)}
+    done = (_END_WITH_RESULT if outcome.summary else _END).run(connection, values)
+    if done is None:
+        return None
+    prune(connection, held.application_id, done["last_event"] + 1)
+    return int(done["remaining"])

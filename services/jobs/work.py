@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from sqlalchemy import Engine, select
+from sqlalchemy import ColumnElement, Engine, select
 from sqlalchemy.orm import Session, load_only
 
 from services.codesign.guess import MotionPoint
@@ -67,51 +67,70 @@ def load_work(engine: Engine, held: Claim) -> Work | None:
 
 def _with_inputs(session: Session, held: Claim, resolved: ResolvedApplication) -> Work | None:
     """Inputs that earlier stages made; None when the application was deleted."""
+    if held.spec.stage in MOTION_STAGES:
+        return _motion_work(session, held, resolved)
     application = session.get(Application, held.application_id, options=[load_only(Application.generation)])
     if application is None:
         return None
-    own: dict[int, np.ndarray] = {}
-    gears: dict[int, np.ndarray] = {}
-    if held.spec.stage == Stage.RECONCILE:
-        results = results_of(session, application, Stage.CODESIGN)
-        own = {r.task_index: design_array(r.summary["design_mm"]) for r in results if r.summary.get("design_mm")}
-        gears = {r.task_index: found for r in results if (found := _gears(r.summary)) is not None}
     if held.spec.stage == Stage.SHARED_OPTIMUM:
-        return Work(held.spec, resolved, own, shared=_shared_inputs(session, application, resolved))
-    if held.spec.stage not in MOTION_STAGES:
-        return Work(held.spec, resolved, own, gears)
-    design = session.get_one(Design, (application.id, application.generation, held.spec.method))
-    task = held.spec.task_index
-    of_application = (Result.application_id == application.id, Result.generation == application.generation)
-    mine = None
-    if resolved.objective.kind == "weighted":
-        of_task = select(Result).where(*of_application, Result.stage == Stage.CODESIGN, Result.task_index == task)
-        mine = session.scalars(of_task.options(load_only(Result.summary))).one_or_none()
-    joint = _joint_motions(session, application) if held.spec.method == SHARED else None
+        return Work(held.spec, resolved, {}, shared=_shared_inputs(session, application, resolved))
+    results = results_of(session, application, Stage.CODESIGN)
+    own = {r.task_index: design_array(r.summary["design_mm"]) for r in results if r.summary.get("design_mm")}
+    gears = {r.task_index: found for r in results if (found := _gears(r.summary)) is not None}
+    return Work(held.spec, resolved, own, gears)
+
+
+def _motion_work(session: Session, held: Claim, resolved: ResolvedApplication) -> Work | None:
+    """A motion with a design that is given."""
+    task, of_generation = held.spec.task_index, (held.application_id, held.generation)
+    design = _design(session, (*of_generation, held.spec.method))
+    if design is None:
+        return None
+    joint = _joint_motions(session, of_generation) if held.spec.method == SHARED else None
     return Work(
         held.spec,
         resolved,
-        own,
-        design=design_array(design.content["design_mm"]),
-        gear_ratio=_gears(design.content),
-        references=_references(mine),
+        {},
+        design=design_array(design["design_mm"]),
+        gear_ratio=_gears(design),
+        references=_references_of(session, of_generation, task) if resolved.objective.kind == "weighted" else None,
         point=None if joint is None else unpack_point(joint, task),
     )
 
+
+Generation = tuple[str, int]
+"""An application's id and which of its generations: what earlier stages made in it changes no more."""
+
+_DESIGNS: Kept[dict[str, Any] | None] = Kept(16)
+"""Those that were asked for last: each of a hundred jobs needs the same."""
 
 _JOINT_MOTIONS: Kept[bytes | None] = Kept(2)
 """Packed motions of the joint programs that were asked for last: some forty kilobytes a task, and each of a hundred
 jobs needs one task's."""
 
 
-def _joint_motions(session: Session, application: Application) -> bytes | None:
+def _design(session: Session, key: tuple[str, int, str]) -> dict[str, Any] | None:
+    """The design of a generation's method; None when the application was deleted."""
+    application_id, generation, method = key
+    stored = select(Design.content).filter_by(application_id=application_id, generation=generation, kind=method)
+    return _DESIGNS.get(key, lambda: session.scalar(stored))
+
+
+def _joint_motions(session: Session, of_generation: Generation) -> bytes | None:
     """Where the joint program has the motions; None where its design was no better and another's stays."""
-    statement = select(Result.arrays).where(
-        Result.application_id == application.id,
-        Result.generation == application.generation,
-        Result.stage == Stage.SHARED_OPTIMUM,
-    )
-    return _JOINT_MOTIONS.get((application.id, application.generation), lambda: session.scalar(statement))
+    statement = select(Result.arrays).where(*_results(of_generation), Result.stage == Stage.SHARED_OPTIMUM)
+    return _JOINT_MOTIONS.get(of_generation, lambda: session.scalar(statement))
+
+
+def _references_of(session: Session, of_generation: Generation, task: int) -> References | None:
+    """Those of a weighted objective, from the task's own solve."""
+    of_task = (*_results(of_generation), Result.stage == Stage.CODESIGN, Result.task_index == task)
+    return _references(session.scalar(select(Result.summary).where(*of_task)))
+
+
+def _results(of_generation: Generation) -> tuple[ColumnElement[bool], ColumnElement[bool]]:
+    application_id, generation = of_generation
+    return Result.application_id == application_id, Result.generation == generation
 
 
 def _gears(stored: dict[str, Any]) -> np.ndarray | None:
@@ -119,8 +138,8 @@ def _gears(stored: dict[str, Any]) -> np.ndarray | None:
     return np.array(stored["gear_ratio"]) if stored.get("gear_ratio") else None
 
 
-def _references(own: Result | None) -> References | None:
-    found = None if own is None else own.summary.get("references")
+def _references(own: dict[str, Any] | None) -> References | None:
+    found = None if own is None else own.get("references")
     return None if found is None else References(found["time_s"], found["energy_V2s"])
 
 
@@ -140,7 +159,7 @@ def _shared_inputs(session: Session, application: Application, resolved: Resolve
     tasks = sorted(own)
     return SharedInputs(
         tasks=tasks,
-        references={k: known for k in tasks if (known := _references(own[k])) is not None},
+        references={k: known for k in tasks if (known := _references(own[k].summary)) is not None},
         method=method,
         total=total if len(solved) == len(tasks) else float("inf"),
         start=SharedStart(design_array(stored.content["design_mm"]), [_motion(solved.get(k, own[k])) for k in tasks]),

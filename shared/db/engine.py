@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 from pydantic_core import from_json, to_json
-from sqlalchemy import Engine, create_engine, event, make_url
+from sqlalchemy import Connection, Engine, create_engine, event, make_url
 from sqlalchemy.orm import Session
 
 SQLITE_BUSY_TIMEOUT_S = 30
@@ -86,13 +86,36 @@ def _begin_immediate(connection: Any) -> None:
 
 
 @contextmanager
+def at_once(engine: Engine) -> Iterator[Connection]:
+    """A connection for what is one statement on Postgres, committed as it ends: two ways to the server are saved.
+
+    SQLite, which may need several for the same, has them in one transaction.
+    """
+    if engine.dialect.name == "postgresql":
+        with _each_statement_alone(engine).connect() as connection:
+            yield connection
+    else:
+        with engine.begin() as connection:
+            yield connection
+
+
+@contextmanager
 def transaction(engine: Engine) -> Iterator[Session]:
     """A session in one transaction: committed at the end, rolled back on an exception."""
     with Session(engine, expire_on_commit=False) as session, session.begin():
         yield session
 
 
-_READING: dict[str, dict[str, Any]] = {"sqlite": {"read_only": True}, "postgresql": {"isolation_level": "AUTOCOMMIT"}}
+@lru_cache(maxsize=4)  # making one takes longer than asking for a row
+def _each_statement_alone(engine: Engine) -> Engine:
+    """Postgres: the same connections, on which each statement is a transaction of its own."""
+    return engine.execution_options(isolation_level="AUTOCOMMIT")
+
+
+@lru_cache(maxsize=4)
+def _only_reading(engine: Engine) -> Engine:
+    """SQLite: the same connections, for transactions that take no lock."""
+    return engine.execution_options(read_only=True)
 
 
 @contextmanager
@@ -102,5 +125,6 @@ def reading(engine: Engine) -> Iterator[Session]:
     On SQLite from one snapshot. Postgres shows each statement what was committed before it, within a transaction as
     without one; without, the two ways to the server that begin and end it are saved.
     """
-    with Session(engine.execution_options(**_READING[engine.dialect.name]), expire_on_commit=False) as session:
+    reads = _each_statement_alone if engine.dialect.name == "postgresql" else _only_reading
+    with Session(reads(engine), expire_on_commit=False) as session:
         yield session
