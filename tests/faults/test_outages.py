@@ -182,8 +182,11 @@ def _submit_until(service: Service, http: httpx.Client, stop: threading.Event) -
 
 
 def _wait_for_a_commit(server: Server) -> None:
-    """Until a session is in the middle of a commit."""
-    committing = "SELECT count(*) FROM pg_stat_activity WHERE state = 'active' AND query = 'COMMIT'"
+    """Until a session is in the middle of a commit: its own statement, or the end of one that is a transaction."""
+    writing = "(query = 'COMMIT' OR query LIKE 'WITH %INSERT%')"
+    committing = (
+        f"SELECT count(*) FROM pg_stat_activity WHERE state = 'active' AND {writing} AND pid <> pg_backend_pid()"
+    )
     with psycopg.connect(server.url, autocommit=True) as connection:
         deadline = time.monotonic() + START_S
         while not connection.execute(committing).fetchone() > (0,):
