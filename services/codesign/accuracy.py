@@ -72,7 +72,33 @@ def solve_accurately(
     accuracy cannot be reached within `MOST_REFINEMENTS` solves and `MOST_INTERVALS` intervals, or a refined solve
     fails, the last motion is returned with `met` false. A solve that is stopped is returned as it is, without rounds.
     With several `starts` the best of the first solve's is refined (`starts.py`), which may begin at a `known` point.
+
+    A tie-break spends what an optimum has to spare, and may leave no grid on which its motion keeps the accuracy. Then
+    the problem is solved again without it.
     """
+    ends = time.monotonic() + options.max_wall_time
+    found = _solve_and_refine(problem, accuracy, options, progress, first, starts=starts, known=known)
+    left = ends - time.monotonic()
+    if found.met or not found.rounds or problem.tie_break is None or left <= 0:
+        return found
+    plain, options = replace(problem, tie_break=None), replace(options, max_wall_time=left)
+    without = _solve_and_refine(plain, accuracy, options, progress, first, starts=starts, known=known)
+    stopped = without.solution.status in (STOPPED, INTERRUPTED)
+    if not (without.met or stopped):
+        return found
+    return replace(without, solution=_after(found.solution, without.solution, "without the tie-break"))
+
+
+def _solve_and_refine(
+    problem: Problem,
+    accuracy: Accuracy,
+    options: SolverOptions,
+    progress: Progress | None,
+    first: Transcription,
+    *,
+    starts: int,
+    known: Guess | None,
+) -> AccurateSolution:
     deadline = time.monotonic() + options.max_wall_time
     best = solve_from_starts(replace(problem, transcription=first), starts, options, progress, known)
     solution = best.solution
@@ -84,11 +110,12 @@ def solve_accurately(
         if finer is None or time.monotonic() > deadline:
             break
         found = solve(replace(solution.problem, transcription=finer), solution.start, options, progress)
+        name = f"refined to {finer.intervals} intervals of degree {finer.degree}"
         if found.status in (STOPPED, INTERRUPTED):
-            return AccurateSolution(_after(solution, found), (), met=False)
+            return AccurateSolution(_after(solution, found, name), (), met=False)
         if not found.success:
             break
-        solution = _after(solution, found)
+        solution = _after(solution, found, name)
         rounds.append(Round(finer, certify(found)))
     return AccurateSolution(solution, tuple(rounds), rounds[-1].certificate.meets(accuracy), best.runs)
 
@@ -126,10 +153,8 @@ def _to_blame(transcription: Transcription, certificate: Certificate, accuracy: 
     return blame
 
 
-def _after(earlier: Solution, later: Solution) -> Solution:
-    """The later solution with the effort of both."""
-    transcription = later.problem.transcription
-    name = f"refined to {transcription.intervals} intervals of degree {transcription.degree}"
+def _after(earlier: Solution, later: Solution, name: str) -> Solution:
+    """The later solution with the effort of both; its attempts are named after what it was."""
     renamed = tuple(replace(attempt, name=f"{name}: {attempt.name}") for attempt in later.attempts)
     return replace(
         later,

@@ -7,16 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from services.codesign import accuracy as accuracy_module
 from services.codesign import kernels as kernels_module
+from services.codesign.accuracy import solve_accurately
 from services.codesign.elimination import Elimination
 from services.codesign.freedom import Freedom, FreeGear, TieBreak
 from services.codesign.instance import build_instance, scales_of
 from services.codesign.limits import limit_slopes
 from services.codesign.motor import evaluate_motor
 from services.codesign.motor_data import MotorData
-from services.codesign.problem import Objective, Problem, Transcription
+from services.codesign.problem import Accuracy, Objective, Problem, Task, Transcription
 from services.codesign.program import build_program
 from services.codesign.reconcile import violation
+from services.codesign.robot import Robot
 from services.codesign.shared_optimum import SharedStart, solve_shared
 from services.codesign.solve import Solution, solve
 from services.codesign.solver import SolverOptions
@@ -159,3 +162,18 @@ def test_the_shared_optimum_has_one_too() -> None:
     totals = [sum(solve(replace(p, design=f.design)).objective for p in problems) for f in found.values()]
     assert max(totals) < min(totals) * (1 + 2 * TOLERANCE)
     assert len(found["light"].convergence) == len(found["plain"].convergence)
+
+
+def test_a_motion_that_misses_its_accuracy_is_solved_without_it(monkeypatch) -> None:
+    """A move whose optimum keeps the accuracy on the second grid; its lightest design does not, nor on the fifth."""
+    monkeypatch.setattr(accuracy_module, "MOST_REFINEMENTS", 1)
+    start, end = np.array([-0.9, -1.1, 1.4, -0.3, -1.57, 0.5]), np.array([1.2, -0.5, 1.1, -0.6, -1.57, 0.0])
+    problem = Problem(Robot.preset("ur5"), Task(start, end, 1.8), tie_break=TieBreak(tolerance=1e-4))
+    found = solve_accurately(problem, Accuracy(), SolverOptions())
+    names = [attempt.name for attempt in found.solution.attempts]
+    assert found.met
+    assert found.certificate is not None
+    assert found.certificate.meets(Accuracy())
+    assert found.solution.problem.tie_break is None
+    assert [name for name in names if name.startswith("without the tie-break")] == names[-2:]
+    assert found.solution.iterations == sum(attempt.iterations for attempt in found.solution.attempts)
