@@ -2,7 +2,7 @@
 
     python docs/magnet_heights.py OUT/pick-and-place-ID
 
-Takes about three minutes on one core. The text is docs/paper_study.md, "Why the mean loses".
+A hundred solves, one after the other. The text is docs/paper_study.md, "Why the mean loses".
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ IMAGE = Path(__file__).parent / "images" / "time-energy-front.png"
 
 
 def main(folder: Path) -> None:
-    """Write the image and print the table of the page."""
+    """Write the image and print the sweep's totals as a table."""
     sweep = SweepStatus.model_validate_json((folder / "sweep.json").read_bytes())
     with style():
         save(front_chart(sweep), IMAGE)
