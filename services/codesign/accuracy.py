@@ -83,10 +83,11 @@ def solve_accurately(
         return found
     plain, options = replace(problem, tie_break=None), replace(options, max_wall_time=left)
     without = _solve_and_refine(plain, accuracy, options, progress, first, starts=starts, known=known)
-    stopped = without.solution.status in (STOPPED, INTERRUPTED)
-    if not (without.met or stopped):
-        return found
-    return replace(without, solution=_after(found.solution, without.solution, "without the tie-break"))
+    both = _after(found.solution, without.solution, "without the tie-break")
+    if without.met or without.solution.status in (STOPPED, INTERRUPTED):
+        return replace(without, solution=both)
+    told = replace(found.solution, attempts=both.attempts, iterations=both.iterations, solve_time=both.solve_time)
+    return replace(found, solution=told)
 
 
 def _solve_and_refine(

@@ -109,6 +109,7 @@ def _different_starts(problem: Problem, starts: int) -> int:
 def _solve_from(
     problem: Problem, k: int, options: SolverOptions, *, progress: Progress | None, attempts: int, deadline: float
 ) -> Solution:
+    began = time.perf_counter()
     program = load_program(problem.robot, problem.layout, problem.transcription.intervals)
     instance = build_instance(problem, program)
     design, stretch = starting_point(problem, k)
@@ -116,7 +117,8 @@ def _solve_from(
     result = attempt_once(
         f"start {k}", program, instance, guess, options=options, progress=progress, attempt=attempts, deadline=deadline
     )
-    return solution_of(problem, program, instance, result)
+    solution = solution_of(problem, program, instance, result)
+    return replace(solution, solve_time=time.perf_counter() - began)
 
 
 def starting_point(problem: Problem, k: int) -> tuple[np.ndarray, float]:
