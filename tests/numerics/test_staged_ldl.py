@@ -1,4 +1,4 @@
-"""The staged factorisation against numpy, and IPOPT with it against IPOPT with MUMPS."""
+"""The staged factorisation of any symmetric matrix, against numpy."""
 
 from __future__ import annotations
 
@@ -8,60 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.codesign import kernels as kernels_module
-from services.codesign import solver as solver_module
-from services.codesign import staged_ldl as staged_module
-from services.codesign.elimination import Elimination, elimination
-from services.codesign.guess import quintic_guess, starting_design
-from services.codesign.instance import Instance, build_instance
-from services.codesign.motor_data import MotorData
-from services.codesign.problem import Objective, Problem, Task, Transcription
-from services.codesign.program import Program, build_program, load_program
-from services.codesign.reconcile import feasible_design
-from services.codesign.solve import solve
-from services.codesign.solver import MUMPS, STAGED, SolverOptions, run
-from services.codesign.staged_ldl import library_name, load_staged_ldl
-from tests.numerics.arms import random_robot
+from services.codesign.elimination import Elimination
 from tests.numerics.ma27 import MA27, NO_INTEGER_SPACE, NO_REAL_SPACE, SINGULAR, WRONG_SIZE
-from tests.numerics.tasks import paper_problem
-
-BACKWARD = 1e-11
-"""Residual over |A| |x|: rounding, times a growth of 1e4 that the pivot threshold allows."""
-
-SAME_POINT = 1e-6
-"""Two factorisations of the same systems end at points this near, at tol 1e-8."""
-
-Entries = tuple[np.ndarray, np.ndarray, np.ndarray]
-
-
-def dense(size: int, entries: Entries) -> np.ndarray:
-    rows, columns, values = entries
-    matrix = np.zeros((size, size))
-    np.add.at(matrix, (rows, columns), values)
-    return matrix + matrix.T - np.diag(matrix.diagonal())
-
-
-def check(order: Elimination, size: int, entries: Entries, threads: int = 1) -> MA27:
-    """Factorise and solve: the inertia is numpy's, the solution solves."""
-    ma27, matrix = MA27(order, size, *entries[:2], threads=threads), dense(size, entries)
-    assert ma27.status == 0
-    values = np.linalg.eigvalsh(matrix)
-    for _ in range(2):  # the second time with the plan of the first
-        assert ma27.factorise(entries[2]) == (0, int((values < 0).sum()))
-        rhs = np.random.default_rng(1).normal(size=size)
-        x = ma27.solve(rhs)
-        assert np.abs(matrix @ x - rhs).max() <= BACKWARD * np.abs(matrix).max() * np.abs(x).max()
-    return ma27
-
-
-def lower_entries(matrix: np.ndarray) -> Entries:
-    rows, columns = np.nonzero(np.tril(matrix))
-    return rows, columns, matrix[rows, columns]
-
-
-def order_of(sizes: list[int], pairs: list[int] | None = None, chains: tuple[int, ...] = (0,)) -> Elimination:
-    first = np.concatenate([[0], np.cumsum(sizes)])
-    return Elimination(np.arange(first[-1]), first, np.array(pairs or [0] * len(sizes)), np.array(chains))
+from tests.numerics.systems import Entries, check, check_early_end, dense, lower_entries, order_of
 
 
 def bordered(blocks: list[int], border: int, rng: np.random.Generator) -> np.ndarray:
@@ -74,9 +23,6 @@ def bordered(blocks: list[int], border: int, rng: np.random.Generator) -> np.nda
         begin = end
     lower = np.tril(matrix)
     return lower + lower.T
-
-
-# ---- any symmetric matrix
 
 
 @pytest.mark.parametrize("sizes", [[6], [40], [1, 1, 8], [7, 9, 30], [30, 1, 2, 17], [5] * 12], ids=str)
@@ -267,67 +213,6 @@ def test_pairs_in_many_stages(seed):
     check(order_of([own] * stages + [border], [pairs] * stages + [0]), size, lower_entries(matrix))
 
 
-# ---- the systems of programs
-
-
-def system(program: Program, instance: Instance, spread: float = 3.0) -> tuple[int, Entries]:
-    """A system as IPOPT would solve it on its way: random multipliers, barrier terms from 10^-spread to 10^spread."""
-    rng = np.random.default_rng(0)
-    x = rng.uniform(0.9, 1.1, program.variables)
-    x[program.time_index] = 0.5
-    hessian = program.hess_lag(x, instance.parameters, 1.0, rng.normal(size=program.constraints)).full()
-    jacobian = program.jac_g(x, instance.parameters)[1].full()
-    free, equal = instance.lower_x != instance.upper_x, instance.lower_g == instance.upper_g
-    n, s, m = free.sum(), (~equal).sum(), len(equal)
-    matrix = np.zeros((n + s + m, n + s + m))
-    matrix[:n, :n] = (hessian + np.triu(hessian, 1).T)[np.ix_(free, free)]
-    matrix[np.arange(n + s), np.arange(n + s)] += 10 ** rng.uniform(-spread, spread, n + s)
-    matrix[n + s : n + s + equal.sum(), :n] = jacobian[np.ix_(equal, free)]
-    matrix[n + s + equal.sum() :, :n] = jacobian[np.ix_(~equal, free)]
-    matrix[n + s + equal.sum() + np.arange(s), n + np.arange(s)] = -1
-    return len(matrix), lower_entries(np.tril(matrix))
-
-
-TRANSCRIPTIONS = [
-    Transcription(scheme, degree, intervals, control)
-    for scheme, degree in (("radau", 1), ("radau", 3), ("legendre", 1), ("legendre", 2))
-    for control in ("voltage", "current")
-    for intervals in (1, 2, 7)
-]
-
-
-def problem_of(transcription: Transcription, **changes) -> Problem:
-    robot = random_robot(2)
-    task = Task(np.zeros(2), np.array([0.3, -0.2]), 1.0, duration=0.8)
-    return Problem(robot, task, transcription=transcription, **changes)
-
-
-def program_of(problem: Problem) -> Program:
-    kernels = kernels_module._virtual_machine(problem.robot, problem.layout)
-    return build_program(kernels, problem.layout, problem.transcription.intervals)
-
-
-@pytest.mark.parametrize(
-    "transcription", TRANSCRIPTIONS, ids=lambda t: f"{t.scheme}-{t.degree}-{t.control}-{t.intervals}"
-)
-def test_systems_of_every_transcription(transcription):
-    free = problem_of(transcription)
-    program = program_of(free)
-    fixed = replace(free, design=np.tile(feasible_design(MotorData()), (2, 1)))
-    given_time = replace(free, objective=Objective("energy"))
-    for problem in (free, fixed, given_time):
-        instance = build_instance(problem, program)
-        size, entries = system(program, instance)
-        order = elimination(program, instance)
-        assert sorted(order.order) == list(range(size))
-        assert order.first[-1] == size
-        assert (2 * order.pairs <= np.diff(order.first)).all()
-        if transcription.intervals == 1 and np.linalg.matrix_rank(dense(size, entries)) < size:
-            continue  # one interval cannot bring the arm anywhere: more constraints than variables
-        check(replace(order, multipliers=0), size, entries)
-        check_early_end(order, size, entries)
-
-
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("chains", [(0,), (0, 3, 6)])
 def test_too_many_negative_eigenvalues_are_known_early(seed, chains):
@@ -346,14 +231,6 @@ def test_an_early_end_leaves_the_rest_out():
     whole = MA27(replace(order, multipliers=0), size, *entries[:2]).factorise(entries[2])
     assert whole[1] > order.multipliers + 1
     assert MA27(order, size, *entries[:2]).factorise(entries[2]) == (0, order.multipliers + 1)
-
-
-def check_early_end(order: Elimination, size: int, entries: Entries) -> None:
-    """IPOPT gets the same answer as from the whole factorisation: as many negative eigenvalues, or too many."""
-    negative = int((np.linalg.eigvalsh(dense(size, entries)) < 0).sum())
-    status, found = MA27(order, size, *entries[:2], threads=2).factorise(entries[2])
-    assert status == 0
-    assert found == negative if negative <= order.multipliers else found > order.multipliers
 
 
 def optimality_system(
@@ -386,79 +263,3 @@ def optimality_system(
         order, first, np.zeros(stages, dtype=int), np.array(chains), multipliers=stages * constraints
     )
     return elimination, lower_entries(matrix)
-
-
-def test_fronts_do_not_grow_with_the_number_of_intervals():
-    """The space asked for is linear in the intervals: nothing but state, design and t_f is handed on."""
-    spaces = []
-    for intervals in (10, 20, 40):
-        problem = problem_of(Transcription("radau", 1, intervals))
-        program = program_of(problem)
-        instance = build_instance(problem, program)
-        size, entries = system(program, instance)
-        spaces.append(len(MA27(elimination(program, instance), size, *entries[:2]).a))
-    assert spaces[2] - spaces[1] == pytest.approx(2 * (spaces[1] - spaces[0]), rel=0.01)
-
-
-# ---- IPOPT with it
-
-
-@pytest.fixture
-def no_library(monkeypatch):
-    monkeypatch.setattr(solver_module, "load_staged_ldl", lambda: None)
-
-
-@pytest.mark.parametrize("kind", ["time", "energy"])
-def test_same_solution_as_with_mumps(kind, request):
-    problem, options = paper_problem(0.6, 2.0, kind), SolverOptions(tol=1e-8)
-    ours = solve(problem, options=options)
-    request.getfixturevalue("no_library")
-    theirs = solve(problem, options=options)
-    assert [a.linear_solver for a in (*ours.attempts, *theirs.attempts)] == [STAGED, MUMPS]
-    assert ours.objective == pytest.approx(theirs.objective, rel=SAME_POINT)
-
-
-def test_same_iterates_as_with_mumps(request):
-    """Exact arithmetic would make them equal; rounding grows on the way, so only the first ten are compared."""
-    problem = paper_problem(0.4, 1.0)
-    program = load_program(problem.robot, problem.layout, 50)
-    instance = build_instance(problem, program)
-    start = quintic_guess(problem, program, instance, starting_design(problem))
-    points = []
-    for fixture in (None, "no_library"):
-        if fixture is not None:
-            request.getfixturevalue(fixture)
-        points.append(run(program, instance, start, SolverOptions(max_iter=10)).x)
-    assert np.abs(points[0] - points[1]).max() < SAME_POINT
-
-
-def test_without_a_compiler_mumps_solves_and_the_result_says_so(monkeypatch, tmp_path):
-    load_program(paper_problem(0.2, 0.0).robot, paper_problem(0.2, 0.0).layout, 50)
-    monkeypatch.setattr(staged_module, "default_cache", lambda: tmp_path)
-    monkeypatch.setattr(kernels_module, "_compiler", lambda: None)
-    assert load_staged_ldl() is None
-    solution = solve(paper_problem(0.2, 0.0))
-    assert solution.success
-    assert [a.linear_solver for a in solution.attempts] == [MUMPS]
-
-
-def test_mumps_takes_over_where_the_staged_factorisation_refuses(monkeypatch):
-    """An order for another system is what IPOPT's own changes to a program would amount to."""
-    wrong = order_of([2, 3])
-    monkeypatch.setattr(solver_module, "elimination", lambda program, instance: wrong)
-    solution = solve(paper_problem(0.2, 0.0))
-    assert solution.success
-    assert [a.linear_solver for a in solution.attempts] == [MUMPS]
-
-
-def test_library_is_another_for_other_flags_sources_and_processors(monkeypatch, tmp_path):
-    names = {library_name()}
-    monkeypatch.setattr(staged_module, "COMPILER_FLAGS", ("-O0",))
-    names.add(library_name())
-    monkeypatch.setattr(staged_module, "processor", lambda: ["another"])
-    names.add(library_name())
-    other = tmp_path / "other.c"
-    other.write_text("int nothing;")
-    monkeypatch.setattr(staged_module, "SOURCE", other)
-    names.add(library_name())
-    assert len(names) == 4
