@@ -75,7 +75,7 @@ def shares() -> str:
     start = quintic_guess(problem, program, instance, starting_design(problem))
     rows = []
     for name, staged in (("ours", load_staged_ldl()), ("MUMPS, ordered by METIS", None)):
-        monitor = solver_module._Monitor(program)
+        monitor = solver_module._Monitor()
         monitor.begin(None, 0, np.inf)
         options = solver_module._casadi_options(program, SolverOptions(), False, staged, monitor)
         with tempfile.TemporaryDirectory() as folder:

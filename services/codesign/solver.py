@@ -10,7 +10,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -105,13 +105,18 @@ class Outcome:
         return self.status in SOLVED
 
 
-class _Monitor(ca.Callback):
-    """IPOPT's iteration callback: reports, and stops the solve when asked to, when time is up or on an exception."""
+OBJECTIVE = 1
+"""Which of a solver's outputs it is."""
 
-    def __init__(self, program: AnyProgram) -> None:
+
+class _Monitor(ca.Callback):
+    """IPOPT's iteration callback: reports, and stops the solve when asked to, when time is up or on an exception.
+
+    CasADi hands it the objective alone, without a copy: the rest is declared empty.
+    """
+
+    def __init__(self) -> None:
         ca.Callback.__init__(self)
-        self._sizes = {"x": program.variables, "f": 1, "g": program.constraints}
-        self._sizes |= {"lam_x": program.variables, "lam_g": program.constraints}
         self.construct("monitor")
         self.begin(None, 0, np.inf)
 
@@ -128,13 +133,15 @@ class _Monitor(ca.Callback):
         return 1
 
     def get_sparsity_in(self, i: int) -> Any:
-        return ca.Sparsity.dense(self._sizes.get(ca.nlpsol_out(i), 0), 1)
+        return ca.Sparsity.dense(int(i == OBJECTIVE), 1)
 
-    def eval(self, arg: Any) -> list[int]:
+    def has_eval_buffer(self) -> bool:
+        return True
+
+    def eval_buffer(self, arg: Sequence[memoryview], res: Sequence[memoryview]) -> int:
         try:
-            if self.progress is not None and self.progress(
-                IterationReport(self.attempt, self.iteration, float(arg[1]))
-            ):
+            objective = arg[OBJECTIVE].cast("d")[0]
+            if self.progress is not None and self.progress(IterationReport(self.attempt, self.iteration, objective)):
                 self.stopped_as = STOPPED
             elif time.monotonic() > self.deadline:
                 self.stopped_as = OUT_OF_TIME
@@ -143,7 +150,8 @@ class _Monitor(ca.Callback):
         if self.error is not None:
             self.stopped_as = STOPPED
         self.iteration += 1
-        return [int(self.stopped_as is not None)]
+        res[0].cast("d")[0] = float(self.stopped_as is not None)
+        return 0
 
 
 @dataclass(frozen=True)
@@ -284,7 +292,7 @@ def _solver(program: AnyProgram, options: SolverOptions, warm: bool, staged: Sta
     key = (id(program), options, warm, MUMPS if staged is None else str(staged.path))
 
     def make() -> _Solver:
-        monitor = _Monitor(program)
+        monitor = _Monitor()
         casadi_options = _casadi_options(program, options, warm, staged, monitor)
         return _Solver(program, ca.nlpsol("solve", "ipopt", program.nlp, casadi_options), monitor)
 

@@ -499,9 +499,9 @@ static double *column_at(const Plan *plan, const Front *front, int j) {
 
 static int negative_of_two(double a, double b, double det) { return det < 0 ? 1 : (a + b < 0 ? 2 : 0); }
 
-/* The list of a pair's rows by its values, for a front with delayed candidates or a pair with c != 0, after which the
- * plan's lists do not hold. With c != 0 all rows count as the constraint's. */
-static void list_of_pair(const Plan *plan, const Front *front, int k, int paired, int all, int *list) {
+/* The list of a pair's rows by its values, after a pair with c != 0, which fills more than the plan knows. With c != 0
+ * all rows count as the constraint's. */
+static void list_by_values(const Plan *plan, const Front *front, int k, int paired, int all, int *list) {
   const double *b = column_at(plan, front, k), *a = b + plan->stride;
   int *rows = list + LIST_HEADER, count = 0, short_count = 0;
   for (int i = k + 2; i < plan->size; i = i == paired - 1 ? front->dense : i + 1)
@@ -509,6 +509,32 @@ static void list_of_pair(const Plan *plan, const Front *front, int k, int paired
   for (int t = 0; t < count; t++)
     if (all || a[rows[t]] != 0) rows[count + short_count++] = t;
   list[ROWS_OF_BOTH] = count, list[ROWS_OF_CONSTRAINT] = short_count;
+}
+
+/* Whether a pair reaches candidates that were delayed to this front, which its list in the plan does not have. */
+static int reaches_delayed(const Plan *plan, const Front *front, int k, int delayed) {
+  const double *b = column_at(plan, front, k) + front->dense, *a = b + plan->stride;
+  for (int i = 0; i < delayed; i++)
+    if (a[i] != 0 || b[i] != 0) return 1;
+  return 0;
+}
+
+/* The plan's list of a pair and the delayed candidates, which stand between the pairs and the other candidates. */
+static void list_with_delayed(const Plan *plan, const Front *front, int k, int delayed, const int *known, int *list) {
+  const int count = known[ROWS_OF_BOTH], short_count = known[ROWS_OF_CONSTRAINT], *from = known + LIST_HEADER;
+  const double *a = column_at(plan, front, k + 1);
+  int *to = list + LIST_HEADER, before = 0, shorts = 0;
+  while (before < count && from[before] < front->dense) before++;
+  memcpy(to, from, sizeof(int) * (size_t)before);
+  for (int i = 0; i < delayed; i++) to[before + i] = front->dense + i;
+  memcpy(to + before + delayed, from + before, sizeof(int) * (size_t)(count - before));
+  from += count, to += count + delayed;
+  while (shorts < short_count && from[shorts] < before) *to++ = from[shorts++];
+  for (int i = 0; i < delayed; i++)
+    if (a[front->dense + i] != 0) *to++ = before + i;
+  while (shorts < short_count) *to++ = from[shorts++] + delayed;
+  list[ROWS_OF_BOTH] = count + delayed;
+  list[ROWS_OF_CONSTRAINT] = (int)(to - list) - LIST_HEADER - list[ROWS_OF_BOTH];
 }
 
 /* Rows of a pair from which on whole columns are faster than one row after another. */
@@ -558,7 +584,17 @@ static void join_candidates(const Plan *plan, Front *front, int k, int paired) {
   front->dense = k + shift;
 }
 
-/* ---- elimination of candidates ---- */
+/* ---- elimination of candidates ----
+ *
+ * Their part of the front is written out on both sides of the diagonal first, so that a column is all there is to know
+ * of a candidate: it can be brought up to date, judged and exchanged without the others. */
+
+static void mirror_candidates(const Plan *plan, const Front *front) {
+  for (int j = front->dense; j < front->limit; j++) {
+    const double *column = column_at(plan, front, j);
+    for (int i = j + 1; i < front->limit; i++) column_at(plan, front, i)[j] = column[i];
+  }
+}
 
 /* The columns that were eliminated: column k of the front keeps W = L D, the panel has L. */
 typedef struct {
@@ -571,66 +607,62 @@ static double *panel_column(const Front *front, const Panel *panel, int j) {
   return panel->panel + (size_t)(j - front->dense) * (size_t)panel->stride - front->dense; /* by slot */
 }
 
-/* Subtract from candidate j what the columns before k, eliminated already, take from it. */
-static void bring_up_to_date(const Plan *plan, const Front *front, const Panel *panel, int j, int k) {
+/* Subtract from candidate j, rows k and below, what the columns before k, eliminated already, take from it. Returns the
+ * column. */
+static const double *bring_up_to_date(const Plan *plan, const Front *front, const Panel *panel, int j, int k) {
   const int from = panel->done[j];
+  double *column = column_at(plan, front, j);
   panel->done[j] = k;
-  if (from == k) return;
-  tiles(1, plan->size - j, k - from, column_at(plan, front, from) + j, plan->stride,
-        panel_column(front, panel, from) + j, panel->stride, column_at(plan, front, j) + j, 0);
+  if (from < k)
+    tiles(1, plan->size - k, k - from, column_at(plan, front, from) + k, plan->stride,
+          panel_column(front, panel, from) + j, panel->stride, column + k, 0);
+  return column;
 }
 
-#define AT(i, j) A[(size_t)(j) * (size_t)stride + (size_t)(i)]
-#define SWAP(x, y) do { const double kept = x; x = y; y = kept; } while (0)
+#define SWAP(type, x, y) do { const type kept = x; x = y; y = kept; } while (0)
 
-/* Exchange two candidates, low < high, both up to date. */
-static void exchange(const Plan *plan, Front *front, const Panel *panel, int k, int low, int high) {
-  if (low == high) return;
-  const int stride = plan->stride;
-  double *A = front->a;
-  for (int j = front->dense; j < low; j++) SWAP(AT(low, j), AT(high, j));
-  SWAP(AT(low, low), AT(high, high));
-  for (int i = low + 1; i < high; i++) SWAP(AT(i, low), AT(high, i));
-  for (int i = high + 1; i < plan->size; i++) SWAP(AT(i, low), AT(i, high));
-  for (int j = front->dense; j < k; j++) SWAP(panel_column(front, panel, j)[low], panel_column(front, panel, j)[high]);
-  const int origin = front->origin[low];
-  front->origin[low] = front->origin[high];
-  front->origin[high] = origin;
+/* Exchange two candidates from slot k on, the first that is not eliminated. */
+static void exchange(const Plan *plan, Front *front, const Panel *panel, int k, int i, int j) {
+  if (i == j) return;
+  double *column_i = column_at(plan, front, i), *column_j = column_at(plan, front, j);
+  for (int row = k; row < plan->size; row++) SWAP(double, column_i[row], column_j[row]);
+  for (int c = front->dense; c < front->limit; c++)
+    SWAP(double, column_at(plan, front, c)[i], column_at(plan, front, c)[j]);
+  for (int c = front->dense; c < k; c++)
+    SWAP(double, panel_column(front, panel, c)[i], panel_column(front, panel, c)[j]);
+  SWAP(int, front->origin[i], front->origin[j]);
+  SWAP(int, panel->done[i], panel->done[j]);
 }
 
-/* Column j of the symmetric front without its diagonal, over slots >= k, written out densely; its largest entry, and
- * the slot of its largest entry among the candidates. */
-static double column_of(const Plan *plan, const Front *front, int k, int j, double *full, int *partner) {
-  const double *A = front->a;
-  const int stride = plan->stride;
-  double most = -1;
-  *partner = -1;
-  for (int i = k; i < j; i++) full[i] = AT(j, i);
-  full[j] = 0;
-  memcpy(full + j + 1, A + (size_t)j * (size_t)stride + j + 1, sizeof(double) * (size_t)(plan->size - j - 1));
+/* Largest entry of a column in slots from k on, but for the slots i and j, i <= j. */
+static double largest_but(const Plan *plan, const double *column, int k, int i, int j) {
+  const double before = largest(column + k, i - k), between = i < j ? largest(column + i + 1, j - i - 1) : 0;
+  const double behind = largest(column + j + 1, plan->size - j - 1);
+  return fmax(before, fmax(between, behind));
+}
+
+/* The slot of the largest entry of candidate j among the candidates from k on; -1 without another one. */
+static int partner_of(const Front *front, const double *column, int k, int j) {
+  int partner = -1;
   for (int i = k; i < front->limit; i++)
-    if (i != j && fabs(full[i]) > most) most = fabs(full[i]), *partner = i;
-  return largest(full + k, plan->size - k);
+    if (i != j && (partner < 0 || fabs(column[i]) > fabs(column[partner]))) partner = i;
+  return partner;
 }
 
-/* Search candidates k, k+1, ..., all up to date, for a pivot: 1 and its slot j, or 2 and its slots j, t, or 0.
+/* Search the candidates k, k+1, ... for a pivot: 1 and its slot j, or 2 and its slots j, t, or 0.
  *
  * A pivot is accepted when no entry of L exceeds 1/threshold. */
-static int search_pivot(const Plan *plan, const Front *front, int k, double threshold, double *work, int *j, int *t) {
-  const double *A = front->a;
-  const int stride = plan->stride, size = plan->size;
-  double *column_j = work, *column_t = work + size;
+static int search_pivot(const Plan *plan, const Front *front, const Panel *panel, int k, double threshold, int *j,
+                        int *t) {
   for (*j = k; *j < front->limit; (*j)++) {
-    const double d = AT(*j, *j), most = column_of(plan, front, k, *j, column_j, t);
-    if (fabs(d) > ZERO && fabs(d) >= threshold * most) return 1;
-    if (*t < 0) continue;
+    const double *column = bring_up_to_date(plan, front, panel, *j, k), d = column[*j];
+    if (fabs(d) > ZERO && fabs(d) >= threshold * largest_but(plan, column, k, *j, *j)) return 1;
+    if ((*t = partner_of(front, column, k, *j)) < 0) continue;
     /* 2x2 with the largest candidate of the column: |P^-1| times the columns' largest entries must stay small. */
-    int unused;
-    const double e = AT(*t, *t), o = column_j[*t];
-    column_of(plan, front, k, *t, column_t, &unused);
-    column_j[*t] = column_t[*j] = 0;
+    const double *other = bring_up_to_date(plan, front, panel, *t, k), e = other[*t], o = column[*t];
     const double det = d * e - o * o, size_of = fabs(det);
-    const double rest_j = largest(column_j + k, size - k), rest_t = largest(column_t + k, size - k);
+    const int low = *j < *t ? *j : *t, high = *j < *t ? *t : *j;
+    const double rest_j = largest_but(plan, column, k, low, high), rest_t = largest_but(plan, other, k, low, high);
     if (size_of > ZERO * fabs(o) && threshold * (fabs(e) * rest_j + fabs(o) * rest_t) <= size_of &&
         threshold * (fabs(o) * rest_j + fabs(d) * rest_t) <= size_of)
       return 2;
@@ -639,17 +671,11 @@ static int search_pivot(const Plan *plan, const Front *front, int k, double thre
 }
 
 /* Find the next pivot and bring it to slots k, k+1; its size, or 0. The last stage takes worse pivots, if it must. */
-static int next_pivot(const Plan *plan, Front *front, const Panel *panel, int k, double threshold, int last,
-                      double *work) {
-  bring_up_to_date(plan, front, panel, k, k);
-  const double *l = column_at(plan, front, k), d = fabs(l[k]);
-  if (d > ZERO && d >= threshold * largest(l + k + 1, padded(plan->size - k - 1))) return 1;
-
-  for (int j = k + 1; j < front->limit; j++) bring_up_to_date(plan, front, panel, j, k);
+static int next_pivot(const Plan *plan, Front *front, const Panel *panel, int k, double threshold, int last) {
   const double thresholds[] = {threshold, 1e-8, 0};
   for (int round = 0; round < (last ? 3 : 1); round++) {
     int j, t;
-    const int found = search_pivot(plan, front, k, thresholds[round], work, &j, &t);
+    const int found = search_pivot(plan, front, panel, k, thresholds[round], &j, &t);
     if (!found) continue;
     const int low = found == 2 && t < j ? t : j, high = found == 2 && t < j ? j : t;
     exchange(plan, front, panel, k, k, low);
@@ -662,11 +688,12 @@ static int next_pivot(const Plan *plan, Front *front, const Panel *panel, int k,
 /* Eliminate candidates while acceptable pivots are found; returns the slot where it stopped. `diagonal` (2 a column)
  * and `kinds` receive D inverse. */
 static int eliminate_candidates(const Plan *plan, Front *front, const Panel *panel, double threshold, int last,
-                                double *diagonal, int *kinds, double *work, int *negative) {
+                                double *diagonal, int *kinds, int *negative) {
   const int stride = plan->stride, size = plan->size, first = front->dense;
   int k = first, pivot;
+  mirror_candidates(plan, front);
   for (int j = k; j < front->limit; j++) panel->done[j] = k;
-  while (k < front->limit && (pivot = next_pivot(plan, front, panel, k, threshold, last, work))) {
+  while (k < front->limit && (pivot = next_pivot(plan, front, panel, k, threshold, last))) {
     const double *restrict w = column_at(plan, front, k), *restrict v = w + stride;
     double *restrict l = panel_column(front, panel, k), *restrict m = l + panel->stride;
     double *D = diagonal + 2 * (k - first);
@@ -709,10 +736,11 @@ static const int LEAST_DELAYED_ROOM = 6;
 
 static int front_reals(const Plan *plan) { return plan->stride * (plan->size + TILE_COLUMNS); }
 
-/* What a thread works with: two fronts, their slots' positions and origins, positions of delayed candidates. */
-static int thread_reals(const Plan *plan) { return 2 * front_reals(plan) + 2 * plan->size; }
+/* What a thread works with: a front and what is set aside of it; by slot the position, the origin, the positions of
+ * delayed candidates, slots to go to, and `done`. */
+static int thread_reals(const Plan *plan) { return 2 * front_reals(plan); }
 
-static int thread_integers(const Plan *plan) { return 8 * plan->size; }
+static int thread_integers(const Plan *plan) { return 5 * plan->size; }
 
 typedef struct {
   long long integers, reals;
@@ -756,30 +784,40 @@ static Space space_for(const Plan *plan, int planned, int delayed, int threads) 
   return space;
 }
 
-/* Add a remainder to a front, its unknowns going to the slots `to`: those from `tail` on stay where they were. `fresh`
- * says that the columns of these have not been used yet. */
-static void add_remainder(const Plan *plan, Front *front, const Remainder *from, const int *to, int tail, int fresh) {
+/* How many unknowns of a remainder change their slots, which are to be `to`; those behind them do not. */
+static int leading(const Plan *plan, const Remainder *from, const int *to) {
+  int count = from->size;
+  while (count > 0 && to[count - 1] == plan->size - from->size + count - 1) count--;
+  return count;
+}
+
+/* Add the first `columns` of a remainder to a front, its unknowns going to the slots `to`; the first `moved` of them
+ * change their slots. */
+static void add_remainder(const Plan *plan, Front *front, const Remainder *from, int columns, const int *to, int moved) {
   const size_t stride = (size_t)plan->stride;
   const int size = from->size, end = plan->size - size;
-  for (int j = 0; j < size; j++) {
+  for (int j = 0; j < columns; j++) {
     const double *column = from->a + (size_t)j * (size_t)from->stride;
-    for (int i = j; i < tail; i++) {
+    for (int i = j; i < moved; i++) {
       const int low = to[i] < to[j] ? to[i] : to[j], high = to[i] < to[j] ? to[j] : to[i];
       front->a[(size_t)low * stride + (size_t)high] += column[i];
     }
     double *target = front->a + (size_t)to[j] * stride + end;
-    const int i = j < tail ? tail : j;
-    if (j >= tail && fresh)
-      memcpy(target + i, column + i, sizeof(double) * (size_t)(size - i));
-    else
-      for (int t = i; t < size; t++) target[t] += column[t];
+    for (int i = j < moved ? moved : j; i < size; i++) target[i] += column[i];
   }
 }
 
-/* Assemble the front of stage s: its positions, the `count` remainders handed to it, the entries of the matrix. `to`
- * has room for the slots of a front. */
+/* Clear the columns of the slots from `begin` to `end`. */
+static void clear_columns(const Plan *plan, const Front *front, int begin, int end) {
+  for (int j = begin; j < end; j++)
+    memset(column_at(plan, front, j) + j, 0, sizeof(double) * (size_t)(plan->size - j));
+}
+
+/* Assemble the front of stage s: its positions, the `count` remainders handed to it, the entries of the matrix. What the
+ * stage before left lies in the front itself (`in_place`), where most of it stays; `aside` has room for a front, `to`
+ * for its slots. */
 static void assemble(const Plan *plan, int s, const double *values, Front *front, const Remainder *handed_on, int count,
-                     int *to) {
+                     int in_place, double *aside, int *to) {
   const int size = plan->size, paired = 2 * plan->pairs[s];
   int delayed = 0;
   for (int r = 0; r < count; r++) delayed += handed_on[r].delayed;
@@ -794,18 +832,20 @@ static void assemble(const Plan *plan, int s, const double *values, Front *front
   for (int i = front->dense; i < size; i++) front->origin[i] = i;
 
   slot = front->dense;
-  if (count == 0)
-    for (int j = slot; j < size; j++) memset(column_at(plan, front, j) + j, 0, sizeof(double) * (size_t)(size - j));
+  if (!in_place) clear_columns(plan, front, slot, size);
   for (int r = 0; r < count; r++) {
-    const Remainder *from = &handed_on[r];
-    for (int i = 0; i < from->delayed; i++) to[i] = slot++;
-    memcpy(to + from->delayed, from->handed_to, sizeof(int) * (size_t)(from->size - from->delayed));
-    int tail = from->size; /* as long as it ends in the same slots */
-    while (tail > 0 && to[tail - 1] == size - from->size + tail - 1) tail--;
-    if (r == 0)
-      for (int j = front->dense; j < size - from->size + tail; j++)
-        memset(column_at(plan, front, j) + j, 0, sizeof(double) * (size_t)(size - j));
-    add_remainder(plan, front, from, to, tail, r == 0);
+    Remainder from = handed_on[r];
+    for (int i = 0; i < from.delayed; i++) to[i] = slot++;
+    memcpy(to + from.delayed, from.handed_to, sizeof(int) * (size_t)(from.size - from.delayed));
+    const int moved = leading(plan, &from, to), columns = in_place ? moved : from.size;
+    if (in_place) {
+      for (int j = 0; j < moved; j++)
+        memcpy(aside + (size_t)j * (size_t)from.stride + j, from.a + (size_t)j * (size_t)from.stride + j,
+               sizeof(double) * (size_t)(from.size - j));
+      from.a = aside;
+      clear_columns(plan, front, front->dense, size - from.size + moved);
+    }
+    add_remainder(plan, front, &from, columns, to, moved);
   }
   for (int e = plan->first_entry[s]; e < plan->first_entry[s + 1]; e++)
     front->a[plan->target[e]] += values[plan->entry[e]];
@@ -815,19 +855,20 @@ static void assemble(const Plan *plan, int s, const double *values, Front *front
  * receives the places of each one's list and reals. Returns how many were eliminated. */
 static int eliminate_pairs(const Plan *plan, int s, int delayed, Front *front, const int *iw, const double *reals,
                            int *table, Factors *out) {
-  const int paired = 2 * plan->pairs[s], *list = plan->lists + plan->first_list[s];
-  int k = 0, by_values = delayed > 0, all = 0;
-  for (; k < paired; k += 2) {
+  const int paired = 2 * plan->pairs[s], *known = plan->lists + plan->first_list[s];
+  int k = 0, all = 0;
+  for (; k < paired; k += 2, known += length_of_list(known)) {
+    const int *list = out->integers;
     all |= column_at(plan, front, k + 1)[k + 1] != 0;
-    by_values |= all;
-    if (by_values) list_of_pair(plan, front, k, paired, all, out->integers);
-    const int *rows = by_values ? out->integers : list;
-    table[k] = (int)(rows - iw), table[k + 1] = (int)(out->reals - reals);
-    if (!eliminate_pair(plan, front, k, rows, out)) break;
-    if (by_values)
-      out->integers += length_of_list(rows);
+    if (all)
+      list_by_values(plan, front, k, paired, all, out->integers);
+    else if (reaches_delayed(plan, front, k, delayed))
+      list_with_delayed(plan, front, k, delayed, known, out->integers);
     else
-      list += length_of_list(list);
+      list = known;
+    table[k] = (int)(list - iw), table[k + 1] = (int)(out->reals - reals);
+    if (!eliminate_pair(plan, front, k, list, out)) break;
+    if (list != known) out->integers += length_of_list(list);
   }
   if (k < paired) join_candidates(plan, front, k, paired);
   return k / 2;
@@ -836,7 +877,7 @@ static int eliminate_pairs(const Plan *plan, int s, int delayed, Front *front, c
 /* Eliminate what can be eliminated of the front of stage s, in this chain, and keep the factors. Returns what is left
  * behind, with the positions of delayed candidates in `waiting`. */
 static Remainder eliminate(const Plan *plan, int s, int chain, int delayed, Front *front, double threshold, int *iw,
-                           double *reals, int *done, double *work, int *waiting, Factors *out) {
+                           double *reals, int *done, int *waiting, Factors *out) {
   const int size = plan->size, paired = 2 * plan->pairs[s], gathered = front->dense, last = s == plan->stages - 1;
   int *header = out->integers;
   out->integers += STAGE_HEADER + paired;
@@ -846,7 +887,7 @@ static Remainder eliminate(const Plan *plan, int s, int chain, int delayed, Fron
   int *places = out->integers, *origins = places + size - gathered, *kinds = origins + rows;
   double *diagonal = out->reals;
   const Panel panel = {diagonal + 2 * candidates, panel_stride(rows), done};
-  const int left = eliminate_candidates(plan, front, &panel, threshold, last, diagonal, kinds, work, &out->negative);
+  const int left = eliminate_candidates(plan, front, &panel, threshold, last, diagonal, kinds, &out->negative);
   const int columns = left - front->dense, m = size - front->limit;
   subtract_product(m, columns, column_at(plan, front, front->dense) + front->limit, plan->stride,
                    panel_column(front, &panel, front->dense) + front->limit, panel.stride,
@@ -912,19 +953,14 @@ static void eliminate_chain(Factorisation *f, int chain, int thread, const Remai
   const Plan *plan = f->plan;
   const int first = plan->chain[chain], size = plan->size, is_trunk = chain == plan->chains - 1;
   double *reals = f->thread_reals + (size_t)thread * (size_t)thread_reals(plan);
-  double *work = reals + 2 * front_reals(plan);
   int *integers = f->thread_integers + (size_t)thread * (size_t)thread_integers(plan);
-  int *to = integers + 6 * size, *done = to + size;
+  int *waiting = integers + 2 * size, *to = waiting + size, *done = to + size;
   Factors out = {f->iw + f->table[2 * first], f->a + f->table[2 * first + 1], 0};
-  Front fronts[2];
-  for (int i = 0; i < 2; i++) {
-    fronts[i] = (Front){0, 0, reals + i * front_reals(plan), integers + i * size, integers + (2 + i) * size};
-    clear(plan, &fronts[i]);
-  }
+  Front front = {0, 0, reals, integers, integers + size};
+  clear(plan, &front);
   Remainder left = {0};
   int multipliers = 0, own = plan->first_multiplier < plan->n; /* whether only the chain's own were eliminated so far */
   for (int s = first; s < chain_end(plan, chain) && !f->indefinite; s++) {
-    Front *front = &fronts[s % 2];
     int delayed = 0;
     for (int r = 0; r < count; r++) delayed += handed_on[r].delayed;
     own &= s > first || delayed == 0;
@@ -933,10 +969,9 @@ static void eliminate_chain(Factorisation *f, int chain, int thread, const Remai
       f->crowded = 1;
       return;
     }
-    assemble(plan, s, f->a, front, handed_on, count, to);
+    assemble(plan, s, f->a, &front, handed_on, count, s > first, reals + front_reals(plan), to);
     f->table[2 * s] = (int)(out.integers - f->iw);
-    left = eliminate(plan, s, chain, delayed, front, f->threshold, f->iw, f->a, done, work,
-                     integers + (4 + s % 2) * size, &out);
+    left = eliminate(plan, s, chain, delayed, &front, f->threshold, f->iw, f->a, done, waiting, &out);
     handed_on = &left, count = 1;
     if (own && left.delayed == 0 && out.negative > multipliers) f->indefinite = 1;
   }
