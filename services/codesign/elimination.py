@@ -139,10 +139,13 @@ def _current_pairs(layout: IntervalLayout, own: np.ndarray, y: np.ndarray) -> np
 def border_stage(
     program: Program, variable: np.ndarray, slack: np.ndarray, multiplier: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Slacks of the motors' constraints with their multipliers; then design and t_f."""
+    """Slacks of the motors' constraints with their multipliers; then t_f and design.
+
+    t_f comes first, for most pairs of the intervals have it: what they do to it lies side by side in its column.
+    """
     first = program.intervals * program.interval_constraints
     motors = slice(first, first + program.motor_constraints)
     s, y = slack[motors], multiplier[motors]
     pairs = np.column_stack([s, y])[s >= 0]
-    shared = variable[: program.time_index + 1]
+    shared = np.roll(variable[: program.time_index + 1], 1)
     return pairs, np.concatenate([shared[shared >= 0], y[s < 0]])

@@ -44,6 +44,7 @@
 #endif
 #define TILE_COLUMNS 4
 #define TILE_VECTORS 3
+#define COLUMN_VECTORS 8
 
 typedef double vector __attribute__((vector_size(8 * LANES), aligned(8)));
 
@@ -401,37 +402,61 @@ static double dot(const double *restrict x, const double *restrict y, int n) {
   return sum;
 }
 
+/* Keep a vector in a register: the compiler would read it from memory again for each column, and loads are what limits
+ * a tile. */
+#ifdef __AVX__
+#define IN_REGISTER(x) __asm__("" : "+v"(x))
+#else
+#define IN_REGISTER(x) (void)(x)
+#endif
+
 #define INLINE static inline __attribute__((always_inline))
 
 /* A tile of `columns` columns and `vectors` vectors of rows: C -= A B', with A and B given by their k columns. The
- * numbers of columns and vectors are constants wherever it is inlined. */
+ * numbers of columns and vectors are constants wherever it is inlined, small enough for all sums to be in registers. */
 INLINE void tile(int columns, int vectors, int k, const double *A, int lda, const double *B, int ldb, double *C,
                  int ldc) {
-  vector sum[TILE_COLUMNS][TILE_VECTORS] = {0};
-  for (int p = 0; p < k; p++, A += lda, B += ldb)
+  vector sum[TILE_COLUMNS][COLUMN_VECTORS] = {0};
+  for (int p = 0; p < k; p++, A += lda, B += ldb) {
+    vector a[COLUMN_VECTORS];
     for (int v = 0; v < vectors; v++) {
-      const vector a = *(const vector *)(A + v * LANES);
-      for (int c = 0; c < columns; c++) sum[c][v] += a * B[c];
+      a[v] = *(const vector *)(A + v * LANES);
+      if (columns > 1) IN_REGISTER(a[v]);
     }
+    for (int c = 0; c < columns; c++)
+      for (int v = 0; v < vectors; v++) sum[c][v] += a[v] * B[c];
+  }
   for (int c = 0; c < columns; c++)
     for (int v = 0; v < vectors; v++) *(vector *)(C + (size_t)c * (size_t)ldc + v * LANES) -= sum[c][v];
 }
 
 /* `tile` over `rows` rows. */
-INLINE void tiles(int columns, int rows, int k, const double *A, int lda, const double *B, int ldb, double *C,
-                  int ldc) {
+static void tiles(int rows, int k, const double *A, int lda, const double *B, int ldb, double *C, int ldc) {
   int i = 0;
-  for (; i + 2 * LANES < rows; i += 3 * LANES) tile(columns, 3, k, A + i, lda, B, ldb, C + i, ldc);
+  for (; i + 2 * LANES < rows; i += 3 * LANES) tile(TILE_COLUMNS, 3, k, A + i, lda, B, ldb, C + i, ldc);
   if (i + LANES < rows)
-    tile(columns, 2, k, A + i, lda, B, ldb, C + i, ldc);
+    tile(TILE_COLUMNS, 2, k, A + i, lda, B, ldb, C + i, ldc);
   else if (i < rows)
-    tile(columns, 1, k, A + i, lda, B, ldb, C + i, ldc);
+    tile(TILE_COLUMNS, 1, k, A + i, lda, B, ldb, C + i, ldc);
+}
+
+/* C -= A b' for one column C and the k numbers b. */
+static void subtract_columns(int rows, int k, const double *A, int lda, const double *b, int ldb, double *C) {
+  int i = 0;
+  for (; i + 7 * LANES < rows; i += 8 * LANES) tile(1, 8, k, A + i, lda, b, ldb, C + i, 0);
+  if (i + 3 * LANES < rows) tile(1, 4, k, A + i, lda, b, ldb, C + i, 0), i += 4 * LANES;
+  if (i + 2 * LANES < rows)
+    tile(1, 3, k, A + i, lda, b, ldb, C + i, 0);
+  else if (i + LANES < rows)
+    tile(1, 2, k, A + i, lda, b, ldb, C + i, 0);
+  else if (i < rows)
+    tile(1, 1, k, A + i, lda, b, ldb, C + i, 0);
 }
 
 /* C -= A B' on the lower triangle of C (m x m); tiles reach above the diagonal, and into the zeros below. */
 static void subtract_product(int m, int k, const double *A, int lda, const double *B, int ldb, double *C, int ldc) {
   for (int j = 0; j < m; j += TILE_COLUMNS)
-    tiles(TILE_COLUMNS, m - j, k, A + j, lda, B + j, ldb, C + (size_t)j * (size_t)ldc + j, ldc);
+    tiles(m - j, k, A + j, lda, B + j, ldb, C + (size_t)j * (size_t)ldc + j, ldc);
 }
 
 /* ---- factors of one stage, as they lie in the caller's arrays ----
@@ -614,8 +639,8 @@ static const double *bring_up_to_date(const Plan *plan, const Front *front, cons
   double *column = column_at(plan, front, j);
   panel->done[j] = k;
   if (from < k)
-    tiles(1, plan->size - k, k - from, column_at(plan, front, from) + k, plan->stride,
-          panel_column(front, panel, from) + j, panel->stride, column + k, 0);
+    subtract_columns(plan->size - k, k - from, column_at(plan, front, from) + k, plan->stride,
+                     panel_column(front, panel, from) + j, panel->stride, column + k);
   return column;
 }
 
