@@ -132,29 +132,31 @@ def build_program(
     calls = -(-N // kernels.lanes)
     idle = calls * kernels.lanes - N  # lanes of the last call that evaluate the last interval again
     indices = _Indices(layout, intervals, idle, motor_of)
+    starts, columns, widths = (_widened(part, idle) for part in (s.starts, s.columns, s.widths))
 
     def over_intervals(function: ca.Function, *more: Any) -> Any:
         """Output with a column for each interval, idle lanes included."""
         mapped = function.map(function.name(), "serial", calls, list(SHARED_INPUTS), [])
-        starts, columns, widths, *others = (_widened(part, idle) for part in (s.starts, s.columns, s.widths, *more))
+        others = (_widened(part, idle) for part in more)
         return mapped(starts, columns, s.design, s.final_time, widths, s.parameters, *others)
 
     def over_motors(function: ca.Function, *more: Any) -> Any:
         mapped = function.map(function.name(), "serial", motors, [1], [])
         return mapped(ca.reshape(s.x[: len(DIMENSIONS) * motors], len(DIMENSIONS), motors), s.parameters, *more)
 
+    def weighted(name: str, effort: Any) -> Any:
+        """A function of the effort times its weight, not evaluated where that is zero."""
+        symbols, nothing = [s.x, s.p], ca.DM.zeros(*effort.shape)
+        of_effort, none = ca.Function(name, symbols, [effort]), ca.Function(f"no_{name}", symbols, [nothing])
+        return s.effort_weight * ca.Function.if_else(f"{name}_or_none", of_effort, none)(s.effort_weight != 0, *symbols)
+
     g_intervals, efforts = over_intervals(kernels.value)
-    f = s.time_weight * s.final_time + s.effort_weight * ca.sum2(efforts[:, :N])
+    f = s.time_weight * s.final_time + weighted("effort", ca.sum2(efforts[:, :N]))
     g = ca.vertcat(ca.vec(g_intervals[:, :N]), ca.vec(over_motors(kernels.motor_value)))
 
     jac = indices.jacobian(kernels, over_intervals(kernels.jacobian), over_motors(kernels.motor_jacobian))
-    # Without an effort in the objective its gradient is not evaluated.
-    effort = ca.Function(
-        "effort_gradient", [s.x, s.p], [indices.gradient(kernels, over_intervals(kernels.effort_gradient))]
-    )
-    nothing = ca.Function("no_gradient", [s.x, s.p], [ca.DM.zeros(indices.size)])
-    either = ca.Function.if_else("effort_gradient_or_none", effort, nothing)
-    gradient = s.effort_weight * either(s.effort_weight != 0, s.x, s.p) + _unit(s.time_weight, indices)
+    slopes = indices.gradient(kernels, over_intervals(kernels.effort_gradient))
+    gradient = weighted("effort_gradient", slopes) + _unit(s.time_weight, indices)
 
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.shape[0])
     split = N * (layout.equalities + layout.inequalities)
@@ -261,7 +263,7 @@ class _Indices:
         a, b = np.concatenate(pairs[0::2]), np.concatenate(pairs[1::2])
         values = ca.vertcat(_nonzeros(interval), _nonzeros(motor))
         across = np.concatenate([part[0] != part[1] for part in [local] * self.evaluated + [local_motor] * self.motors])
-        twice = (a == b) & across  # two lengths that are one variable: both halves of the matrix meet on the diagonal
+        twice = (a == b) & (a >= 0) & across  # two lengths that are one variable: both halves of the matrix meet on the diagonal
         if twice.any():
             values = values * ca.DM(1.0 + twice)
         return scatter(values, np.minimum(a, b), np.maximum(a, b), (self.size, self.size))
@@ -273,19 +275,21 @@ def _places(kernels: Kernels, name: str) -> list[np.ndarray]:
 
 
 def _nonzeros(matrix: Any) -> Any:
-    return matrix.nz[:]
+    return ca.sparsity_cast(matrix, ca.Sparsity.dense(matrix.nnz(), 1))
 
 
 def scatter(values: Any, rows: np.ndarray, cols: np.ndarray, shape: tuple[int, int]) -> Any:
     """Sparse matrix with `values` added up at (rows, cols); entries with a negative index are dropped."""
-    keep = np.flatnonzero((rows >= 0) & (cols >= 0))
-    flat = cols[keep] * shape[0] + rows[keep]
-    places, inverse = np.unique(flat, return_inverse=True)
+    keep = (rows >= 0) & (cols >= 0)
+    places, inverse = np.unique(cols[keep] * shape[0] + rows[keep], return_inverse=True)
     counts = np.bincount(places // shape[0], minlength=shape[1])
     sparsity = ca.Sparsity(*shape, np.concatenate([[0], np.cumsum(counts)]).tolist(), (places % shape[0]).tolist())
-    if len(places) == len(flat):
+    if len(places) == len(inverse):
         order = np.empty(len(places), dtype=int)
-        order[inverse] = keep
+        order[inverse] = np.flatnonzero(keep)
         return ca.MX(sparsity, values[order.tolist()])
-    add = ca.DM.triplet(inverse.tolist(), keep.tolist(), ca.DM.ones(len(keep)), len(places), values.shape[0])
-    return ca.MX(sparsity, add @ values)
+    where = np.full(len(rows), len(places))  # what is dropped is added up behind the end
+    where[keep] = inverse
+    every = ca.MX.sym("every", len(places) + 1)
+    sums = ca.jtimes(every.nz[where.tolist()], every, values, True)  # adding up is the adjoint of taking
+    return ca.MX(sparsity, sums[:-1])
