@@ -20,7 +20,16 @@ def begin_drain(grace_s: float) -> None:
     _shared[:] = _DEADLINE.pack(time.monotonic() + grace_s)
 
 
+def draining() -> bool:
+    """Whether the worker is shutting down."""
+    return _deadline() > 0
+
+
 def drained() -> bool:
     """Whether the worker is shutting down and the grace is over."""
+    return 0 < _deadline() <= time.monotonic()
+
+
+def _deadline() -> float:
     deadline: float = _DEADLINE.unpack(_shared[:])[0]
-    return 0 < deadline <= time.monotonic()
+    return deadline

@@ -51,8 +51,7 @@ def run_relay(settings: Settings, stop: threading.Event) -> None:
         lost_queue.look()
         if sent := relay(engine, wake, settings.resend_after_s, backlog):
             log.info("messages sent", jobs=sent)
-        else:
-            stop.wait(settings.relay_poll_s)
+        stop.wait(settings.relay_poll_s)
 
     def tidy() -> None:
         sweep(engine, settings.max_attempts)

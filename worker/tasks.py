@@ -1,4 +1,4 @@
-"""The one Celery task. Its body is three lines; the work is in `run_job`."""
+"""The one Celery task. Its body is three lines; the work is in `worker.run_job`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sqlalchemy import Engine
 
 from shared.db.engine import make_engine
 from shared.settings import Settings
-from worker.run_job import run_job
+from worker.run_job import wake_up
 
 RUN_JOB = "armature.run_job"
 """Name by which the relay sends."""
@@ -23,7 +23,7 @@ MODULE = __name__
 def run_job_task(job_id: str) -> None:
     """Claim a job, solve it, record the outcome."""
     engine, settings = _process()
-    run_job(engine, settings, job_id)
+    wake_up(engine, settings, job_id)
 
 
 @lru_cache(maxsize=1)

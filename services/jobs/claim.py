@@ -5,10 +5,24 @@ A claim is a conditional UPDATE; its token fences off anyone whose lease was los
 
 from __future__ import annotations
 
+import random
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from sqlalchemy import Engine, Float, String, bindparam, case, func, literal, null, select, update
+from sqlalchemy import (
+    ColumnElement,
+    Engine,
+    Float,
+    Integer,
+    String,
+    bindparam,
+    case,
+    func,
+    literal,
+    null,
+    select,
+    update,
+)
 
 from services.codesign.solver import IterationReport
 from services.jobs.plan import JobSpec
@@ -21,6 +35,8 @@ from shared.db.engine import at_once, reading, transaction
 from shared.db.tables import Application, Event, Job, Outbox, table_of
 from shared.db.together import Columns, Statement, WithRow, row_into
 from shared.domain import ApplicationState, JobState, Stage
+
+_OUTBOX = table_of(Outbox)
 
 
 @dataclass(frozen=True)
@@ -76,32 +92,60 @@ def _take(job: Columns) -> dict[str, Statement]:
     }
 
 
-_OUTBOX = table_of(Outbox)
-
-_CLAIM = WithRow(
-    select(
-        JOBS.c.id.label("job_id"),
-        *PLACE,
-        JOBS.c.token,
-        APPLICATIONS.c.state.label("application_state"),
-        APPLICATIONS.c.last_event,
+def _claim_of(job_id: ColumnElement[str]) -> WithRow:
+    """The claim of one job, if it is queued."""
+    found = (
+        select(
+            JOBS.c.id.label("job_id"),
+            *PLACE,
+            JOBS.c.token,
+            APPLICATIONS.c.state.label("application_state"),
+            APPLICATIONS.c.last_event,
+        )
+        .join_from(APPLICATIONS, JOBS, JOBS.c.application_id == APPLICATIONS.c.id)
+        .where(JOBS.c.id == job_id, JOBS.c.state == JobState.QUEUED)
+        .with_for_update(of=[APPLICATIONS, JOBS])
     )
-    .join_from(APPLICATIONS, JOBS, JOBS.c.application_id == APPLICATIONS.c.id)
-    .where(JOBS.c.id == OF_JOB, JOBS.c.state == JobState.QUEUED)
-    .with_for_update(of=[APPLICATIONS, JOBS]),
-    _take,
+    return WithRow(found, _take)
+
+
+_UNSENT = (
+    select(_OUTBOX.c.job_id)
+    .where(_OUTBOX.c.due_at > 0, _OUTBOX.c.sent == 0)  # not null, said so that SQLite too finds them by index
+    .order_by(_OUTBOX.c.due_at)
+    .limit(1)
+    .offset(bindparam("older", type_=Integer))
 )
+
+_CLAIM, _CLAIM_UNSENT = _claim_of(OF_JOB), _claim_of(_UNSENT.scalar_subquery())
+
+SPREAD = 8
+"""A process at hand takes one of so many jobs that have waited longest: two of them rarely want the same."""
 
 
 def claim(engine: Engine, job_id: str, worker: str, lease_s: float) -> Claim | None:
     """Take a queued job; None when it is not queued (a doubled or late message) or gone."""
+    return _claim(engine, _CLAIM, {"of_job": job_id, "by": worker, "lease_s": lease_s})
+
+
+def claim_unsent(engine: Engine, worker: str, lease_s: float) -> Claim | None:
+    """Take a job whose message has not been sent, and is then needed no more; None when it finds none.
+
+    None does not mean that there is none. Somebody may have taken the same at this moment, or fewer may wait than it
+    has passed over; their messages will be sent.
+    """
+    older = random.randrange(SPREAD)
+    return _claim(engine, _CLAIM_UNSENT, {"older": older, "by": worker, "lease_s": lease_s})
+
+
+def _claim(engine: Engine, statement: WithRow, values: dict[str, Any]) -> Claim | None:
     with at_once(engine) as connection:
-        job = _CLAIM.run(connection, {"of_job": job_id, "by": worker, "lease_s": lease_s})
+        job = statement.run(connection, values)
         if job is None:
             return None
         prune(connection, job["application_id"], job["last_event"] + 1)
     spec = JobSpec(Stage(job["stage"]), job["method"], job["task_index"])
-    return Claim(job_id, job["application_id"], job["generation"], spec, job["token"] + 1, worker)
+    return Claim(job["job_id"], job["application_id"], job["generation"], spec, job["token"] + 1, values["by"])
 
 
 @dataclass(frozen=True)

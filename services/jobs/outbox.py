@@ -11,11 +11,11 @@ from shared.db.clock import now
 from shared.db.engine import reading, transaction
 from shared.db.tables import Outbox, table_of
 
-BATCH = 500
-"""Messages of one look into the outbox."""
-AT_ONCE = 100
-"""Messages that are published together."""
+AHEAD = 100
+"""Messages that are out, at most, while the first of them is not claimed: it is enough that no process waits. Others
+stay in the outbox, from where processes that are soon at the end of their jobs take them (`claim_unsent`)."""
 MOST_DOUBLINGS = 6
+LONG_AGO = 1.0
 
 SENT_AND_WAITING = (Outbox.due_at > 0, Outbox.sent > 0)
 """Sent, and not claimed since: `due_at` is not null, said so that SQLite too finds them by index."""
@@ -25,9 +25,11 @@ _DUE = (
     select(_MESSAGES.job_id, _MESSAGES.sent)
     .where(_MESSAGES.due_at <= now())
     .order_by(_MESSAGES.due_at, _MESSAGES.job_id)
-    .limit(BATCH)
+    .limit(AHEAD)
 )
 """Asked twenty times a second."""
+_OUT = select(func.count()).where(_MESSAGES.due_at > select(now()).scalar_subquery())
+"""Sent, and neither claimed nor due again. The time is asked for once, so that they are found by index."""
 
 
 def relay(
@@ -35,7 +37,7 @@ def relay(
 ) -> int:
     """Publish due messages, oldest first, then mark them; returns how many.
 
-    `send` gets `AT_ONCE` job ids at a time. When it fails, some of its messages may be out, and all are sent again.
+    `send` gets the ids of jobs. When it fails, some of its messages may be out, and all are sent again.
 
     A published job stays in the outbox until it is claimed, and is sent again after `resend_after_s`, twice that,
     and so on: a broker may lose its queue. `backlog` counts the messages that the broker holds; while it holds one for
@@ -47,33 +49,38 @@ def relay(
         due = session.connection().execute(_DUE).all()
     if not due:
         return 0
-    first = [row.job_id for row in due if not row.sent]
     again = [row.job_id for row in due if row.sent]
     lost = max(0, unclaimed(engine) - backlog()) if again else 0
-    sending, waiting = first + again[:lost], again[lost:]
-    gone: set[str] = set()
-    try:
-        for first_of_them in range(0, len(sending), AT_ONCE):
-            together = sending[first_of_them : first_of_them + AT_ONCE]
-            send(together)
-            gone.update(together)
-    finally:  # a broker that fails half-way has the first half
-        with transaction(engine) as session:
-            for sent in {row.sent for row in due if row.job_id in gone}:
-                job_ids = [row.job_id for row in due if row.sent == sent and row.job_id in gone]
-                _put_off(session, job_ids, resend_after_s * 2 ** min(sent, MOST_DOUBLINGS), sent + 1)
-            if waiting:
-                _put_off(session, waiting, resend_after_s)
-    return len(gone)
+    first = [row.job_id for row in due if not row.sent]
+    sending, waiting = first[: _room(engine)] + again[:lost], again[lost:]
+    if not sending and not waiting:
+        return 0
+    if sending:
+        send(sending)
+    with transaction(engine) as session:
+        for sent in {row.sent for row in due if row.job_id in sending}:
+            job_ids = [row.job_id for row in due if row.sent == sent and row.job_id in sending]
+            _put_off(session, job_ids, resend_after_s * 2 ** min(sent, MOST_DOUBLINGS), sent + 1)
+        if waiting:
+            _put_off(session, waiting, resend_after_s)
+    return len(sending)
+
+
+def _room(engine: Engine) -> int:
+    """How many messages may be sent for the first time."""
+    with reading(engine) as session:
+        return max(0, AHEAD - (session.scalar(_OUT) or 0))
 
 
 def recall(engine: Engine) -> int:
     """Make every message due that was sent and led to no claim, as if it had been sent once; returns how many.
 
+    Those that were never sent are younger, and come after them.
+
     For a broker that is empty although jobs wait: it lost its queue, and that is no reason to wait ever longer.
     """
     with transaction(engine) as session:
-        waiting = update(Outbox).where(_free(*SENT_AND_WAITING)).values(due_at=now(), sent=1)
+        waiting = update(Outbox).where(_free(*SENT_AND_WAITING)).values(due_at=LONG_AGO, sent=1)
         options = {"synchronize_session": False}
         return len(session.execute(waiting.returning(Outbox.job_id), execution_options=options).all())
 

@@ -12,7 +12,7 @@ from sqlalchemy import Engine, event, select
 from services.codesign.solver import IterationReport
 from services.jobs import listing, results, views
 from services.jobs.cancel import cancel, delete_application
-from services.jobs.claim import Claim, Requests, claim, release, renew, report, requests_of
+from services.jobs.claim import Claim, Requests, claim, claim_unsent, release, renew, report, requests_of
 from services.jobs.events import events_after
 from services.jobs.finish import finish
 from services.jobs.outbox import recall, relay, unclaimed
@@ -108,6 +108,7 @@ def execution(filled: Filled) -> None:
     report(filled.engine, held, IterationReport(0, 1, 1.0))
     assert finish(filled.engine, held, outcome_of(held))
     assert release(filled.engine, filled.claim())
+    assert any(claim_unsent(filled.engine, "worker", LONG_LEASE_S) for _ in range(20))
 
 
 def recovery(filled: Filled) -> None:

@@ -9,11 +9,12 @@ from collections.abc import Sequence
 import pytest
 from sqlalchemy import Engine, func, select, text, update
 
+import services.jobs.claim
 from services.jobs import outbox, views
 from services.jobs.cancel import cancel, delete_application
-from services.jobs.claim import Claim, claim, release, renew
+from services.jobs.claim import Claim, claim, claim_unsent, release, renew
 from services.jobs.finish import Outcome, finish
-from services.jobs.outbox import relay
+from services.jobs.outbox import recall, relay
 from services.jobs.submit import IdempotencyConflictError, submit
 from services.jobs.sweep import sweep
 from shared.db.engine import reading, transaction
@@ -321,19 +322,82 @@ def test_nothing_is_sent_again_while_the_broker_holds_a_message_for_each_job(
     assert later(2) == 0
 
 
-def test_what_was_sent_before_the_broker_failed_is_not_sent_again(
-    engine: Engine, settings: Settings, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(outbox, "AT_ONCE", 2)
+def test_a_broker_that_fails_is_sent_everything_again(engine: Engine, settings: Settings) -> None:
     submit(engine, settings, application())
-    sent: list[str] = []
 
-    def send(job_ids: Sequence[str]) -> None:
-        if sent:
-            raise OSError("gone")
-        sent.extend(job_ids)
+    def fail(_: Sequence[str]) -> None:
+        raise OSError("gone")
 
     with pytest.raises(OSError, match="gone"):
-        relay(engine, send, 30.0)
+        relay(engine, fail, 30.0)
+    assert relay(engine, lambda _: None, 30.0) == 3
+
+
+def test_no_more_messages_are_out_than_keep_everybody_busy(
+    engine: Engine, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(outbox, "AHEAD", 2)
+    submit(engine, settings, application())
+    sent: list[str] = []
+    assert relay(engine, sent.extend, 30.0) == 2
+    assert relay(engine, sent.extend, 30.0) == 0
+    take(engine)
     assert relay(engine, sent.extend, 30.0) == 1
-    assert len(sent) == len(set(sent)) == 3
+    assert sent == [row.job_id for row in rows(engine, select(Outbox.job_id).order_by(Outbox.job_id))]
+
+
+def test_messages_that_the_broker_lost_come_before_those_never_sent(
+    engine: Engine, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(outbox, "AHEAD", 2)
+    submit(engine, settings, application())
+    first: list[str] = []
+    relay(engine, first.extend, 30.0)
+    assert recall(engine) == 2
+    sent: list[str] = []
+    relay(engine, sent.extend, 30.0)
+    assert set(first) <= set(sent)
+
+
+def test_a_process_at_hand_takes_what_was_not_sent(
+    engine: Engine, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And its message is not sent any more."""
+    monkeypatch.setattr(outbox, "AHEAD", 1)
+    monkeypatch.setattr(services.jobs.claim, "SPREAD", 1)
+    submit(engine, settings, application())
+    first, second, third = queued(engine)
+    sent: list[str] = []
+    relay(engine, sent.extend, 30.0)
+    held = claim_unsent(engine, "worker", LONG_LEASE_S)
+    assert held is not None
+    assert (held.job_id, held.token, held.spec.task_index) == (second, 1, 1)
+    assert claim(engine, second, "another", LONG_LEASE_S) is None
+    assert finish(engine, held, outcome_of(held))
+    assert claim(engine, first, "worker", LONG_LEASE_S)
+    relay(engine, sent.extend, 30.0)
+    assert sent == [first, third]
+    assert claim_unsent(engine, "worker", LONG_LEASE_S) is None
+
+
+def test_processes_at_hand_take_each_job_once(engine: Engine, settings: Settings) -> None:
+    """Every one of them wants the oldest; whoever finds it taken goes without."""
+    application_id, _ = submit(engine, settings, application())
+    ended: list[bool] = []
+
+    def work() -> None:
+        while not ApplicationState(state_of(engine, application_id)[0]).final:
+            held = claim_unsent(engine, "worker", LONG_LEASE_S)
+            if held is not None:
+                ended.append(finish(engine, held, outcome_of(held)))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(services.jobs.claim, "SPREAD", 1)
+        threads = [threading.Thread(target=work) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert ended == [True] * 7
+    assert state_of(engine, application_id)[0] == ApplicationState.SUCCEEDED
+    assert_history_is_sound(engine, application_id)
