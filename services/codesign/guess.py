@@ -14,6 +14,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
+from services.codesign.evaluate import evaluate
 from services.codesign.instance import Instance, scales_of
 from services.codesign.interval import parameter_sizes
 from services.codesign.kernels import Kernels
@@ -177,7 +178,7 @@ def motor_demand(
     parameters = instance.parameters[: sum(parameter_sizes(problem.robot.joints).values())]
     scaled = np.append(design / scales_of(problem).design, np.ones(len(program.layout.free_gears)))
     demand = _demand_at(program.kernels, len(q))
-    i_q, u_d, u_q = (part.full().T for part in demand(q.T, qd.T, qdd.T, scaled, parameters))
+    i_q, u_d, u_q = (part.T for part in evaluate(demand, q.T, qd.T, qdd.T, scaled, parameters))
     return i_q, u_d, u_q
 
 

@@ -196,17 +196,14 @@ def cache_key(robot: Robot, layout: IntervalLayout) -> str:
 
 def library_key(robot: Robot, form: Any, module: str) -> str:
     """Hash of an arm's numbers, a form (JSON), a module's and its imports' sources, CasADi and the compiler."""
-    sources = [_SOURCES[name] for name in made_of(module)]
-    shape = [
-        _shaping_numbers(robot),
-        form,
-        ca.CasadiMeta.version(),
-        COMPILER_FLAGS,
-        LANES_FLAGS,
-        processor(),
-        sources,
-    ]
-    return hashlib.sha256(json.dumps(shape, sort_keys=True).encode()).hexdigest()[:32]
+    sources = tuple(_SOURCES[name] for name in made_of(module))
+    code = _hash(ca.CasadiMeta.version(), COMPILER_FLAGS, LANES_FLAGS, tuple(processor()), sources)
+    return hashlib.sha256(json.dumps([_shaping_numbers(robot), form, code], sort_keys=True).encode()).hexdigest()[:32]
+
+
+@functools.cache
+def _hash(*parts: str | tuple[str, ...]) -> str:
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
 
 @functools.cache

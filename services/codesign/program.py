@@ -263,7 +263,8 @@ class _Indices:
         a, b = np.concatenate(pairs[0::2]), np.concatenate(pairs[1::2])
         values = ca.vertcat(_nonzeros(interval), _nonzeros(motor))
         across = np.concatenate([part[0] != part[1] for part in [local] * self.evaluated + [local_motor] * self.motors])
-        twice = (a == b) & (a >= 0) & across  # two lengths that are one variable: both halves of the matrix meet on the diagonal
+        # Two lengths that are one variable: both halves of the matrix meet on the diagonal.
+        twice = (a == b) & (a >= 0) & across
         if twice.any():
             values = values * ca.DM(1.0 + twice)
         return scatter(values, np.minimum(a, b), np.maximum(a, b), (self.size, self.size))

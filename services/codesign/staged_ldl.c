@@ -17,8 +17,8 @@
  * numbers do not depend on how many threads there are.
  *
  * IPOPT finds this library as `hsllib` and calls it by the names of MA27. Everything between two calls lives in the
- * arrays that the caller owns, so there is nothing to free. The order of elimination is not found here: it is handed
- * over beforehand with `staged_ldl_order` (elimination.py).
+ * arrays that the caller owns; only the last plan is kept besides, for systems alike. The order of elimination is not
+ * found here: it is handed over beforehand with `staged_ldl_order` (elimination.py).
  *
  * "Index" is an unknown as the caller counts, "position" its place in the order of elimination, "slot" its place in
  * a front. All fronts have the same number of slots, the pairs at their beginning and the boundary at their end:
@@ -348,7 +348,7 @@ static void set_size(Plan *plan, int delayed) {
 
 /* Complete a bare plan in `room`, which has `room_size` integers, with space in the fronts for `delayed` candidates;
  * the order is copied. Returns how many integers it takes, TOO_SMALL (which it may say for want of n) or NO_MEMORY. */
-static int make_plan(Plan *plan, const int *irn, const int *icn, int delayed, int *room, int room_size) {
+static int find_plan(Plan *plan, const int *irn, const int *icn, int delayed, int *room, int room_size) {
   const int n = plan->n, stages = plan->stages, fixed = plan_integers(plan);
   if (room_size < fixed) return TOO_SMALL;
   memcpy(room, plan->order, sizeof(int) * (size_t)handed_size(n, stages, plan->chains));
@@ -370,6 +370,61 @@ static int make_plan(Plan *plan, const int *irn, const int *icn, int delayed, in
   }
   free(scratch);
   return lists < 0 ? lists : fixed + 2 * boundaries + lists;
+}
+
+/* The plan made last, with what it was made for: solves alike follow each other, and each makes its plan twice. The room
+ * has order, pattern and plan, one after the other. */
+static struct {
+  int n, nz, stages, chains, delayed, length;
+  int *room;
+} last_plan;
+
+/* More integers than these are not kept. */
+static const size_t MOST_KEPT = 1 << 20;
+
+static int is_last(const Plan *plan, const int *irn, const int *icn, int delayed) {
+  const int n = plan->n, nz = plan->nz, ordered = handed_size(n, plan->stages, plan->chains);
+  const int *room = last_plan.room;
+  return room && n == last_plan.n && nz == last_plan.nz && delayed == last_plan.delayed &&
+         plan->stages == last_plan.stages && plan->chains == last_plan.chains &&
+         !memcmp(room, plan->order, sizeof(int) * (size_t)ordered) &&
+         !memcmp(room + ordered, irn, sizeof(int) * (size_t)nz) &&
+         !memcmp(room + ordered + nz, icn, sizeof(int) * (size_t)nz);
+}
+
+static void keep_last(const Plan *plan, const int *irn, const int *icn, int delayed, const int *made, int length) {
+  const size_t ordered = (size_t)handed_size(plan->n, plan->stages, plan->chains), nz = (size_t)plan->nz;
+  const size_t size = ordered + 2 * nz + (size_t)length;
+  free(last_plan.room);
+  int *room = last_plan.room = size > MOST_KEPT ? NULL : malloc(sizeof(int) * size);
+  if (!room) return;
+  last_plan.n = plan->n, last_plan.nz = plan->nz, last_plan.stages = plan->stages, last_plan.chains = plan->chains;
+  last_plan.delayed = delayed, last_plan.length = length;
+  memcpy(room, plan->order, sizeof(int) * ordered);
+  memcpy(room + ordered, irn, sizeof(int) * nz);
+  memcpy(room + ordered + nz, icn, sizeof(int) * nz);
+  memcpy(room + ordered + 2 * nz, made, sizeof(int) * (size_t)length);
+}
+
+/* Set a plan out in `room`, where it is complete, with space in the fronts for `delayed` candidates. */
+static void read_plan(Plan *plan, int delayed, int *room) {
+  lay_out(plan, room);
+  set_size(plan, delayed);
+  plan->lists = plan->boundary + 2 * plan->first_boundary[plan->stages];
+}
+
+/* `find_plan`, unless it was found last. */
+static int make_plan(Plan *plan, const int *irn, const int *icn, int delayed, int *room, int room_size) {
+  if (!is_last(plan, irn, icn, delayed)) {
+    const int length = find_plan(plan, irn, icn, delayed, room, room_size);
+    if (length >= 0) keep_last(plan, irn, icn, delayed, room, length);
+    return length;
+  }
+  const int length = last_plan.length, *made = last_plan.room + handed_size(plan->n, plan->stages, plan->chains);
+  if (length > room_size) return TOO_SMALL;
+  memcpy(room, made + 2 * plan->nz, sizeof(int) * (size_t)length);
+  read_plan(plan, delayed, room);
+  return length;
 }
 
 /* ---- dense pieces ---- */
@@ -395,11 +450,17 @@ static void subtract_two(double *restrict y, double f, const double *restrict u,
   for (int i = 0; i < n; i++) y[i] -= f * u[i] + g * v[i];
 }
 
+/* Of whole vectors; with several sums under way, for one alone would wait for itself at every step. */
 static double dot(const double *restrict x, const double *restrict y, int n) {
-  double sum = 0;
-#pragma omp simd reduction(+ : sum)
-  for (int i = 0; i < n; i++) sum += x[i] * y[i];
-  return sum;
+  vector sum[4] = {0};
+  int i = 0;
+  for (; i + 3 * LANES < n; i += 4 * LANES)
+    for (int u = 0; u < 4; u++) sum[u] += *(const vector *)(x + i + u * LANES) * *(const vector *)(y + i + u * LANES);
+  for (; i < n; i += LANES) sum[0] += *(const vector *)(x + i) * *(const vector *)(y + i);
+  const vector all = (sum[0] + sum[1]) + (sum[2] + sum[3]);
+  double result = 0;
+  for (int l = 0; l < LANES; l++) result += all[l];
+  return result;
 }
 
 /* Keep a vector in a register: the compiler would read it from memory again for each column, and loads are what limits
@@ -1279,9 +1340,7 @@ void ma27bd_(int *n, int *nz, const int *irn, const int *icn, double *a, int *la
   Plan plan = kept_plan(*n, *nz, ikeep);
   if (!ikeep[PLANNED]) info[0] = plan_for(&plan, irn, icn, ikeep, *la, iw, *liw, &info[1]);
   if (info[0]) return;
-  lay_out(&plan, iw + HEADER);
-  set_size(&plan, ikeep[ROOM]);
-  plan.lists = plan.boundary + 2 * plan.first_boundary[plan.stages];
+  read_plan(&plan, ikeep[ROOM], iw + HEADER);
   plan.first_multiplier = ikeep[MULTIPLIERS];
   info[0] = factorise(&plan, ikeep[PLAN_LENGTH], ikeep[ROOM], cntl[0], ikeep[THREADS], a, iw, &info[14]);
   if (info[0] == NO_REAL_SPACE) {

@@ -7,6 +7,7 @@ order to eliminate. The library is one per process, and so is the order: one sol
 from __future__ import annotations
 
 import ctypes
+import functools
 import hashlib
 import json
 import os
@@ -87,8 +88,13 @@ def load_staged_ldl(cache: Path | None = None) -> StagedLDL | None:
 
 def library_name() -> str:
     """Name under which the library is kept: it changes with the source, the flags and the processor."""
-    shape = [SOURCE.read_text(), COMPILER_FLAGS, processor()]
-    return "staged-ldl-" + hashlib.sha256(json.dumps(shape).encode()).hexdigest()[:32]
+    return _name(SOURCE, COMPILER_FLAGS, tuple(processor()))
+
+
+@functools.cache
+def _name(source: Path, *shape: tuple[str, ...]) -> str:
+    """As the source was when it was read first: no solve waits for it again."""
+    return "staged-ldl-" + hashlib.sha256(json.dumps([source.read_text(), *shape]).encode()).hexdigest()[:32]
 
 
 def _compile(compiler: str, path: Path) -> None:

@@ -91,6 +91,15 @@ def test_order_is_followed_whatever_the_numbering():
     check(order, 20, lower_entries(matrix))
 
 
+def test_patterns_of_one_size_in_turn():
+    """The plan made last is used again, but for no other pattern."""
+    size, rng = 30, np.random.default_rng(4)
+    i, j, k = rng.integers(0, size, (3, 200))
+    for rows, columns in [(i, j), (i, k), (k, k), (k, j), (k, j), (i, j)]:
+        places = np.append(rows, range(size)), np.append(columns, range(size))
+        check(order_of([10, 10, 10]), size, (*places, rng.normal(size=200 + size)))
+
+
 def test_entries_above_the_diagonal_and_at_the_same_place():
     rows, columns = np.array([0, 0, 1, 2, 0, 0, 1]), np.array([0, 1, 0, 2, 2, 0, 1])
     values = np.array([1.0, 2.0, 0.5, -3.0, 1.0, 0.25, 1.0])
