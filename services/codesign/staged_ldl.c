@@ -148,14 +148,14 @@ typedef struct {
   int *first_list;     /* (stages) where each stage's lists begin */
   int *boundary;       /* positions of later stages that a stage's front holds, ascending; behind them the slots of all
                           these in the front of the stage that they are handed to */
-  int *lists;          /* of each pair, see `list_of_pair` */
+  int *lists;          /* of each pair, see `length_of_list` */
 } Plan;
 
-/* A pair's list: how many rows its two columns reach, in how many of these the constraint's column may have a nonzero;
- * the slots of the rows, ascending; which of them are the constraint's. */
-enum { ROWS_OF_BOTH, ROWS_OF_CONSTRAINT, LIST_HEADER };
+/* A pair's list: how many rows its variable's column and its constraint's column reach; the slots of the ones, and of
+ * the others, ascending. */
+enum { ROWS_OF_VARIABLE, ROWS_OF_CONSTRAINT, LIST_HEADER };
 
-static int length_of_list(const int *list) { return LIST_HEADER + list[ROWS_OF_BOTH] + list[ROWS_OF_CONSTRAINT]; }
+static int length_of_list(const int *list) { return LIST_HEADER + list[ROWS_OF_VARIABLE] + list[ROWS_OF_CONSTRAINT]; }
 
 /* Integers of a plan but for boundaries and lists. */
 static int plan_integers(const Plan *plan) {
@@ -279,19 +279,18 @@ static int list_pairs(int pairs, int size, unsigned char *marks, int *lists, int
   int length = 0;
   for (int k = 0; k < 2 * pairs; k += 2) {
     const unsigned char *b = marks + (size_t)k * (size_t)size, *a = b + size;
-    int *list = lists + length, *rows = list + LIST_HEADER, count = 0, short_count = 0;
-    for (int i = k + 2; i < size; i++) count += a[i] || b[i];
-    if (length + LIST_HEADER + 2 * count > space) return TOO_SMALL;
-    count = 0;
+    if (length + LIST_HEADER + 2 * (size - k) > space) return TOO_SMALL;
+    int *list = lists + length, *rows_b = list + LIST_HEADER, count_b = 0, count_a = 0;
     for (int i = k + 2; i < size; i++)
-      if (a[i] || b[i]) rows[count++] = i;
-    for (int t = 0; t < count; t++)
-      if (a[rows[t]]) rows[count + short_count++] = t;
-    list[ROWS_OF_BOTH] = count, list[ROWS_OF_CONSTRAINT] = short_count;
+      if (b[i]) rows_b[count_b++] = i;
+    int *rows_a = rows_b + count_b;
+    for (int i = k + 2; i < size; i++)
+      if (a[i]) rows_a[count_a++] = i;
+    list[ROWS_OF_VARIABLE] = count_b, list[ROWS_OF_CONSTRAINT] = count_a;
     length += length_of_list(list);
-    for (int t = 0; t < short_count; t++)
-      for (int u = 0; u < count; u++) {
-        const int i = rows[rows[count + t]], j = rows[u], low = i < j ? i : j, high = i < j ? j : i;
+    for (int t = 0; t < count_a; t++)
+      for (int u = 0; u < count_b + count_a; u++) {
+        const int i = rows_a[t], j = rows_b[u], low = i < j ? i : j, high = i < j ? j : i;
         if (low < 2 * pairs) marks[(size_t)low * (size_t)size + (size_t)high] = 1;
       }
   }
@@ -444,12 +443,6 @@ static void subtract(double *restrict y, double factor, const double *restrict x
   for (int i = 0; i < n; i++) y[i] -= factor * x[i];
 }
 
-static void subtract_two(double *restrict y, double f, const double *restrict u, double g, const double *restrict v,
-                         int n) {
-#pragma omp simd
-  for (int i = 0; i < n; i++) y[i] -= f * u[i] + g * v[i];
-}
-
 /* Of whole vectors; with several sums under way, for one alone would wait for itself at every step. */
 static double dot(const double *restrict x, const double *restrict y, int n) {
   vector sum[4] = {0};
@@ -525,7 +518,7 @@ static void subtract_product(int m, int k, const double *A, int lda, const doubl
  * Integers: the header; for each pair the places of its list and of its reals; lists that are not the plan's; the
  * places of the slots, but for the pairs'; where each row of the panel was before pivoting; 1 or 2 for each column,
  * the size of its pivot.
- * Reals: of a pair the inverse of its pivot (3 numbers), columns b and a by its list; D inverse, 2 numbers a column;
+ * Reals: of a pair the inverse of its pivot (3 numbers), its columns by their lists; D inverse, 2 numbers a column;
  * the panel of L without its unit diagonal, zero above it.
  *
  * "Place" is where a solve keeps an unknown. Every chain has places for the trunk's unknowns behind its own, to gather
@@ -585,16 +578,16 @@ static double *column_at(const Plan *plan, const Front *front, int j) {
 
 static int negative_of_two(double a, double b, double det) { return det < 0 ? 1 : (a + b < 0 ? 2 : 0); }
 
-/* The list of a pair's rows by its values, after a pair with c != 0, which fills more than the plan knows. With c != 0
- * all rows count as the constraint's. */
-static void list_by_values(const Plan *plan, const Front *front, int k, int paired, int all, int *list) {
-  const double *b = column_at(plan, front, k), *a = b + plan->stride;
-  int *rows = list + LIST_HEADER, count = 0, short_count = 0;
-  for (int i = k + 2; i < plan->size; i = i == paired - 1 ? front->dense : i + 1)
-    if (a[i] != 0 || b[i] != 0) rows[count++] = i;
-  for (int t = 0; t < count; t++)
-    if (all || a[rows[t]] != 0) rows[count + short_count++] = t;
-  list[ROWS_OF_BOTH] = count, list[ROWS_OF_CONSTRAINT] = short_count;
+/* The list of a pair by its values, after a pair with c != 0, which fills more than the plan knows. */
+static void list_by_values(const Plan *plan, const Front *front, int k, int paired, int *list) {
+  int *next = list + LIST_HEADER;
+  for (int c = 0; c < 2; c++) {
+    const double *column = column_at(plan, front, k + c);
+    const int *begin = next;
+    for (int i = k + 2; i < plan->size; i = i == paired - 1 ? front->dense : i + 1)
+      if (column[i] != 0) *next++ = i;
+    list[c] = (int)(next - begin);
+  }
 }
 
 /* Whether a pair reaches candidates that were delayed to this front, which its list in the plan does not have. */
@@ -607,53 +600,54 @@ static int reaches_delayed(const Plan *plan, const Front *front, int k, int dela
 
 /* The plan's list of a pair and the delayed candidates, which stand between the pairs and the other candidates. */
 static void list_with_delayed(const Plan *plan, const Front *front, int k, int delayed, const int *known, int *list) {
-  const int count = known[ROWS_OF_BOTH], short_count = known[ROWS_OF_CONSTRAINT], *from = known + LIST_HEADER;
-  const double *a = column_at(plan, front, k + 1);
-  int *to = list + LIST_HEADER, before = 0, shorts = 0;
-  while (before < count && from[before] < front->dense) before++;
-  memcpy(to, from, sizeof(int) * (size_t)before);
-  for (int i = 0; i < delayed; i++) to[before + i] = front->dense + i;
-  memcpy(to + before + delayed, from + before, sizeof(int) * (size_t)(count - before));
-  from += count, to += count + delayed;
-  while (shorts < short_count && from[shorts] < before) *to++ = from[shorts++];
-  for (int i = 0; i < delayed; i++)
-    if (a[front->dense + i] != 0) *to++ = before + i;
-  while (shorts < short_count) *to++ = from[shorts++] + delayed;
-  list[ROWS_OF_BOTH] = count + delayed;
-  list[ROWS_OF_CONSTRAINT] = (int)(to - list) - LIST_HEADER - list[ROWS_OF_BOTH];
+  const int *from = known + LIST_HEADER;
+  int *next = list + LIST_HEADER;
+  for (int c = 0; c < 2; c++) {
+    const double *column = column_at(plan, front, k + c);
+    const int *begin = next, *end = from + known[c];
+    while (from < end && *from < front->dense) *next++ = *from++;
+    for (int i = front->dense; i < front->dense + delayed; i++)
+      if (column[i] != 0) *next++ = i;
+    while (from < end) *next++ = *from++;
+    list[c] = (int)(next - begin);
+  }
 }
-
-/* Rows of a pair from which on whole columns are faster than one row after another. */
-static const int MANY_ROWS = 24;
 
 /* Eliminate the pair in slots k, k+1, whose rows are listed; 0 when its pivot is not acceptable.
  *
- * With b and a the columns below the pivot, the rest loses [b a] [S g; g c]^-1 [b a]'. */
+ * With b and a the columns below the pivot and [p q; q r] = [S g; g c]^-1, the rest loses p bb' + q (ab' + ba') + r aa';
+ * p is zero where c is. */
 static int eliminate_pair(const Plan *plan, Front *front, int k, const int *list, Factors *out) {
-  const int count = list[ROWS_OF_BOTH], short_count = list[ROWS_OF_CONSTRAINT];
-  const int *rows = list + LIST_HEADER, *shorts = rows + count;
+  const int count_b = list[ROWS_OF_VARIABLE], count_a = list[ROWS_OF_CONSTRAINT];
+  const int *rows_b = list + LIST_HEADER, *rows_a = rows_b + count_b;
   double *b = column_at(plan, front, k), *a = b + plan->stride;
-  double *pivot = out->reals, *kept_b = pivot + 3, *kept_a = kept_b + count;
+  double *pivot = out->reals, *kept_b = pivot + 3, *kept_a = kept_b + count_b;
   const double S = b[k], g = b[k + 1], c = a[k + 1], det = S * c - g * g;
-  for (int t = 0; t < count; t++) kept_b[t] = b[rows[t]], kept_a[t] = a[rows[t]];
-  if (fabs(det) < 0.5 * g * g || largest(kept_a, count) > PAIR_GROWTH * fabs(g) || fabs(g) <= ZERO) return 0;
+  for (int t = 0; t < count_a; t++) kept_a[t] = a[rows_a[t]];
+  if (fabs(det) < 0.5 * g * g || largest(kept_a, count_a) > PAIR_GROWTH * fabs(g) || fabs(g) <= ZERO) return 0;
   out->negative += negative_of_two(S, c, det);
 
-  const double p = c / det, q = -g / det, r = S / det; /* inverse of the pivot: [p q; q r] */
+  const double p = c / det, q = -g / det, r = S / det;
   pivot[0] = p, pivot[1] = q, pivot[2] = r;
-  for (int t = 0, below = 0; t < count; t++) { /* shorts from `below` on lie on or below the diagonal */
-    const double z_b = p * kept_b[t] + q * kept_a[t], z_a = q * kept_b[t] + r * kept_a[t];
-    double *column = column_at(plan, front, rows[t]);
-    if (below == short_count || shorts[below] != t)
-      for (int s = below; s < short_count; s++) column[rows[shorts[s]]] -= kept_a[shorts[s]] * z_a;
-    else if (++below, count > MANY_ROWS && rows[t] >= front->dense)
-      subtract_two(column + rows[t], z_b, b + rows[t], z_a, a + rows[t], padded(plan->size - rows[t]));
-    else
-      for (int u = t; u < count; u++) column[rows[u]] -= kept_b[u] * z_b + kept_a[u] * z_a;
-  }
-  out->reals = kept_a + count;
-  for (int t = 0; t < count; t++) b[rows[t]] = a[rows[t]] = 0; /* for the next stage's pairs */
+  for (int t = 0; t < count_b; t++) kept_b[t] = b[rows_b[t]], b[rows_b[t]] = 0; /* zeros for the next stage's pairs */
+  for (int t = 0; t < count_a; t++) a[rows_a[t]] = 0;
   b[k] = b[k + 1] = a[k + 1] = 0;
+  out->reals = kept_a + count_a;
+
+  for (int t = 0; t < count_a; t++) {
+    const int row = rows_a[t];
+    const double z_a = r * kept_a[t], z_b = q * kept_a[t];
+    double *column = column_at(plan, front, row);
+    for (int u = t; u < count_a; u++) column[rows_a[u]] -= z_a * kept_a[u];
+    int u = 0;
+    for (; u < count_b && rows_b[u] < row; u++) column_at(plan, front, rows_b[u])[row] -= z_b * kept_b[u];
+    if (u < count_b && rows_b[u] == row) column[row] -= z_b * kept_b[u]; /* once for ab', once for ba' */
+    for (; u < count_b; u++) column[rows_b[u]] -= z_b * kept_b[u];
+  }
+  for (int t = 0; t < count_b && p != 0; t++) {
+    double *column = column_at(plan, front, rows_b[t]);
+    for (int u = t; u < count_b; u++) column[rows_b[u]] -= p * kept_b[t] * kept_b[u];
+  }
   return 1;
 }
 
@@ -947,7 +941,7 @@ static int eliminate_pairs(const Plan *plan, int s, int delayed, Front *front, c
     const int *list = out->integers;
     all |= column_at(plan, front, k + 1)[k + 1] != 0;
     if (all)
-      list_by_values(plan, front, k, paired, all, out->integers);
+      list_by_values(plan, front, k, paired, out->integers);
     else if (reaches_delayed(plan, front, k, delayed))
       list_with_delayed(plan, front, k, delayed, known, out->integers);
     else
@@ -1137,6 +1131,20 @@ static Stage stage_at(const Solve *solve, int s) {
                  solve->a + header[DIAGONAL], solve->a + header[PANEL], panel_stride(header[ROWS]), iw[SIZE]};
 }
 
+/* The factors of a pair. */
+typedef struct {
+  int count_b, count_a;
+  const int *rows_b, *rows_a;
+  const double *pivot, *b, *a;
+} Pair;
+
+static Pair pair_at(const Solve *solve, const Stage *stage, int k) {
+  const int *list = solve->iw + stage->table[k], *rows = list + LIST_HEADER;
+  const int count_b = list[ROWS_OF_VARIABLE], count_a = list[ROWS_OF_CONSTRAINT];
+  const double *pivot = solve->a + stage->table[k + 1];
+  return (Pair){count_b, count_a, rows, rows + count_b, pivot, pivot + 3, pivot + 3 + count_b};
+}
+
 static void gather(const Stage *stage, const double *x, double *local) {
   const int *header = stage->header, *places = stage->places - header[GATHERED];
   memcpy(local, x + header[FIRST], sizeof(double) * (size_t)header[PAIRED]);
@@ -1157,10 +1165,11 @@ static void solve_forward(const Solve *solve, int chain, double *local) {
     const int rows = stage.header[ROWS], columns = stage.header[COLUMNS];
     gather(&stage, solve->x, local);
     for (int k = 0; k < 2 * stage.header[PAIRS]; k += 2) {
-      const int *list = solve->iw + stage.table[k], count = list[ROWS_OF_BOTH], *slots = list + LIST_HEADER;
-      const double *pivot = solve->a + stage.table[k + 1], *b = pivot + 3, *c = b + count;
+      const Pair pair = pair_at(solve, &stage, k);
+      const double *pivot = pair.pivot;
       const double u = pivot[0] * local[k] + pivot[1] * local[k + 1], v = pivot[1] * local[k] + pivot[2] * local[k + 1];
-      for (int t = 0; t < count; t++) local[slots[t]] -= b[t] * u + c[t] * v;
+      for (int t = 0; t < pair.count_b; t++) local[pair.rows_b[t]] -= pair.b[t] * u;
+      for (int t = 0; t < pair.count_a; t++) local[pair.rows_a[t]] -= pair.a[t] * v;
     }
     for (int i = 0; i < rows; i++) dense[i] = local[stage.origins[i]];
     for (int p = 0; p < columns; p++) {
@@ -1193,10 +1202,11 @@ static void solve_backward(const Solve *solve, int chain, double *local) {
     }
     for (int i = 0; i < columns; i++) local[stage.origins[i]] = dense[i];
     for (int k = 2 * stage.header[PAIRS] - 2; k >= 0; k -= 2) {
-      const int *list = solve->iw + stage.table[k], count = list[ROWS_OF_BOTH], *slots = list + LIST_HEADER;
-      const double *pivot = solve->a + stage.table[k + 1], *b = pivot + 3, *c = b + count;
+      const Pair pair = pair_at(solve, &stage, k);
+      const double *pivot = pair.pivot;
       double u = local[k], v = local[k + 1];
-      for (int t = 0; t < count; t++) u -= b[t] * local[slots[t]], v -= c[t] * local[slots[t]];
+      for (int t = 0; t < pair.count_b; t++) u -= pair.b[t] * local[pair.rows_b[t]];
+      for (int t = 0; t < pair.count_a; t++) v -= pair.a[t] * local[pair.rows_a[t]];
       local[k] = pivot[0] * u + pivot[1] * v;
       local[k + 1] = pivot[1] * u + pivot[2] * v;
     }
