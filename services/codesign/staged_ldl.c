@@ -1053,7 +1053,7 @@ static void eliminate_chain(Factorisation *f, int chain, int thread, const Remai
     f->table[2 * s] = (int)(out.integers - f->iw);
     left = eliminate(plan, s, chain, delayed, &front, f->threshold, f->iw, f->a, done, waiting, &out);
     handed_on = &left, count = 1;
-    if (own && left.delayed == 0 && out.negative > multipliers) f->indefinite = 1;
+    if (own && out.negative > multipliers) f->indefinite = 1;
   }
   if (f->indefinite) return;
   f->negative += out.negative;
@@ -1069,10 +1069,11 @@ static void eliminate_branch(void *context, int chain, int thread) { eliminate_c
  * integers. Returns 0 or one of the failures.
  *
  * IPOPT wants one negative eigenvalue for each multiplier, and regularises and asks again where there are more. That can
- * be known early. Once all unknowns of the stages so far are eliminated, more negative pivots than multipliers among
- * them mean a direction of negative curvature in which only these stages move and all constraints hold: the whole has
- * too many whatever comes after (Haynsworth 1968). Then the rest is left out, and INFO(15) is one too many; IPOPT does
- * not solve with factors of the wrong inertia. */
+ * be known early. More negative pivots than the stages so far have multipliers mean a direction of negative curvature in
+ * which only their eliminated variables move and all constraints hold: the whole has too many whatever comes after
+ * (Haynsworth 1968). That some of the stages' unknowns were delayed changes nothing: a variable that waits does not
+ * move, a multiplier that waits only adds to the negative ones (Cauchy). Then the rest is left out, and INFO(15) is one
+ * too many; IPOPT does not solve with factors of the wrong inertia. */
 static int factorise(const Plan *plan, int planned, int room, double threshold, int threads, double *a, int *iw,
                      int *negative) {
   const Space space = space_for(plan, planned, room, threads);

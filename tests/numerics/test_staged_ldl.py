@@ -224,30 +224,37 @@ def test_pairs_in_many_stages(seed):
 
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("chains", [(0,), (0, 3, 6)])
-def test_too_many_negative_eigenvalues_are_known_early(seed, chains):
+@pytest.mark.parametrize("waiting", [False, True])
+def test_too_many_negative_eigenvalues_are_known_early(seed, chains, waiting):
     """Whatever stage the negative curvature is in; and never said of a system that has none."""
     rng = np.random.default_rng(seed)
-    order, entries = optimality_system(stages=7, chains=chains, curvatures=rng.choice([2.0, 2.0, -2.0], 7), rng=rng)
+    curvatures = rng.choice([2.0, -2.0], 7, p=[0.85, 0.15])
+    order, entries = optimality_system(stages=7, chains=chains, curvatures=curvatures, waiting=waiting, rng=rng)
     check(replace(order, multipliers=0), len(order.order), entries)
     check_early_end(order, len(order.order), entries)
 
 
-def test_an_early_end_leaves_the_rest_out():
-    """With negative curvatures in the first and in the last stages the last ones' are not counted."""
-    rng = np.random.default_rng(0)
-    order, entries = optimality_system(stages=7, chains=(0,), curvatures=[-2.0, 2, 2, 2, -2, -2, 2], rng=rng)
+@pytest.mark.parametrize("waiting", [False, True])
+def test_an_early_end_leaves_the_rest_out(waiting):
+    """With negative curvatures in the first and in the last stages the last two are not looked at."""
+    rng, curvatures = np.random.default_rng(0), [-2.0, 2, 2, 2, -2, -2, 2]
+    order, entries = optimality_system(stages=7, chains=(0,), curvatures=curvatures, waiting=waiting, rng=rng)
     size = len(order.order)
     whole = MA27(replace(order, multipliers=0), size, *entries[:2]).factorise(entries[2])
     assert whole[1] > order.multipliers + 1
-    assert MA27(order, size, *entries[:2]).factorise(entries[2]) == (0, order.multipliers + 1)
+    rows, columns, values = entries
+    last = np.isin(rows, order.order[order.first[5] :]) & np.isin(columns, order.order[order.first[5] :])
+    unread = np.where(last, np.nan, values)
+    assert MA27(order, size, rows, columns).factorise(unread) == (0, order.multipliers + 1)
 
 
 def optimality_system(
-    *, stages: int, chains: tuple[int, ...], curvatures: Sequence[float], rng: np.random.Generator
+    *, stages: int, chains: tuple[int, ...], curvatures: Sequence[float], waiting: bool, rng: np.random.Generator
 ) -> tuple[Elimination, Entries]:
     """Stages of five variables and two constraints; constraints reach the next stage of their chain and the last stage.
 
-    Curvatures are of about the size given, in all of a stage's variables.
+    Curvatures are of about the size given, in all of a stage's variables. With `waiting` the second constraint does not
+    hold its own stage, so that its multiplier has no pivot there.
     """
     variables, constraints = 5, 2
     first_multiplier = stages * variables
@@ -261,6 +268,8 @@ def optimality_system(
         next_stage = [] if s + 1 in (*chains, stages) else [x + variables]
         for reached in (x, *next_stage, np.arange(first_multiplier - variables, first_multiplier)):
             matrix[np.ix_(y, reached)] = rng.normal(size=(constraints, len(reached)))
+        if waiting and s + 1 < stages:
+            matrix[y[1], x] = 0
     order = np.concatenate(
         [
             np.r_[s * variables : (s + 1) * variables, first_multiplier + 2 * s : first_multiplier + 2 * s + 2]
