@@ -5,9 +5,6 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from collections.abc import Callable
-from contextvars import copy_context
-from threading import Thread
 
 import structlog
 
@@ -44,8 +41,3 @@ def _of_libraries() -> logging.Handler:
         )
     )
     return handler
-
-
-def thread_with_ids(target: Callable[[], None], name: str) -> Thread:
-    """A daemon thread whose log lines carry the ids of whoever makes it."""
-    return Thread(target=copy_context().run, args=(target,), name=name, daemon=True)

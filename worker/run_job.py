@@ -6,37 +6,24 @@ not tried again, since the same inputs would raise the same. Only a process that
 
 from __future__ import annotations
 
-import threading
 import time
-from dataclasses import dataclass, field
 
 import structlog
 from sqlalchemy import Engine
-from sqlalchemy.exc import DBAPIError, SQLAlchemyError
+from sqlalchemy.exc import DBAPIError
 from structlog.contextvars import bound_contextvars
 
-from services.codesign.kernels import building
-from services.codesign.solver import IterationReport, SolverOptions
-from services.jobs.claim import (
-    Claim,
-    Requests,
-    claim,
-    claim_unsent,
-    release,
-    renew,
-    report,
-    report_compiling,
-    requests_of,
-)
+from services.codesign.solver import SolverOptions
+from services.jobs.claim import Claim, claim, claim_unsent, release
 from services.jobs.execute import execute
 from services.jobs.finish import Outcome, finish
 from services.jobs.store import LONGEST_REASON
 from services.jobs.work import load_work
 from shared.contracts.errors import printable
 from shared.domain import JobState
-from shared.observability import thread_with_ids
 from shared.settings import Settings
-from worker.drain import drained, draining
+from worker.drain import draining
+from worker.heartbeat import Heartbeat
 from worker.patience import for_the_next, passes, patiently
 from worker.sign_of_life import worker_name
 
@@ -46,8 +33,6 @@ GO_ON_S = 0.2
 """How long a process goes on with one job after the other, before it asks the broker for its next message."""
 GIVING_BACK_S = 10.0
 """How long a worker that ends tries to give a job back; after that its lease expires and the attempt counts."""
-LAST_BEAT_S = 5.0
-"""How long a finished solve waits for its heartbeat, which may hang on a database that does not answer."""
 
 
 def wake_up(engine: Engine, settings: Settings, job_id: str) -> None:
@@ -127,63 +112,3 @@ def _is_outage(error: Exception) -> bool:
 
 def _raised(doing: str, error: Exception) -> Outcome:
     return Outcome(JobState.FAILED, printable(f"{doing} raised {type(error).__name__}: {error}")[:LONGEST_REASON])
-
-
-@dataclass
-class Heartbeat:
-    """A thread that renews the lease, looks for requests and reports iterations; the solver reads the result.
-
-    The solver holds no lock of the interpreter while it factorises, so the thread lives (DESIGN: measured).
-    """
-
-    engine: Engine
-    settings: Settings
-    held: Claim
-    gave_up: bool = False
-    """Whether the solve was stopped because the worker shuts down, and for no other reason."""
-    search_stopped: threading.Event = field(default_factory=threading.Event)
-    _latest: IterationReport | None = None
-    _stop: threading.Event = field(default_factory=threading.Event)
-    _done: threading.Event = field(default_factory=threading.Event)
-
-    def __enter__(self) -> Heartbeat:
-        self._thread = thread_with_ids(self._beat, "heartbeat")
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._done.set()
-        self._thread.join(LAST_BEAT_S)  # later beats of it change nothing: the token is old, or the job final
-
-    def should_stop(self, iteration: IterationReport) -> bool:
-        """For the solver."""
-        self._latest = iteration
-        if not self._stop.is_set() and drained():
-            self.gave_up = True
-        return self._stop.is_set() or self.gave_up
-
-    def _heed(self, requests: Requests, *, mine: bool = True) -> None:
-        if requests.search_stopped:
-            self.search_stopped.set()
-        if requests.cancelled or not mine:
-            self._stop.set()
-
-    def _beat(self) -> None:
-        waited, compiling = 0.0, False
-        while not self._done.wait(self.settings.cancel_poll_s):
-            waited += self.settings.cancel_poll_s
-            try:
-                if waited >= self.settings.heartbeat_s:
-                    waited = 0.0
-                    pulse = renew(self.engine, self.held, self.settings.lease_s)
-                    self._heed(pulse, mine=pulse.mine)
-                else:
-                    self._heed(requests_of(self.engine, self.held))
-                if self._latest is not None:
-                    iteration, self._latest = self._latest, None
-                    report(self.engine, self.held, iteration)
-                elif building() and not compiling:
-                    report_compiling(self.engine, self.held)
-                compiling = building()
-            except SQLAlchemyError as error:  # the database is away for a while: keep solving, the lease decides
-                log.warning("heartbeat failed", error=str(error))

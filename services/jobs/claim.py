@@ -26,7 +26,7 @@ from sqlalchemy import (
 
 from services.codesign.solver import IterationReport
 from services.jobs.plan import JobSpec
-from services.jobs.record import APPLICATIONS, HELD_TOKEN, JOBS, OF_APPLICATION, OF_JOB, PLACE, prune, record
+from services.jobs.record import APPLICATIONS, HELD_TOKEN, JOBS, OF_APPLICATION, OF_JOB, PLACE, STATE, prune, record
 from services.jobs.store import CANCELLED, emit, lock_application, requeue, settle
 from services.jobs.time_left import COMPILING
 from shared.db.clock import now
@@ -103,19 +103,22 @@ def _claim_of(job_id: ColumnElement[str]) -> WithRow:
             APPLICATIONS.c.last_event,
         )
         .join_from(APPLICATIONS, JOBS, JOBS.c.application_id == APPLICATIONS.c.id)
-        .where(JOBS.c.id == job_id, JOBS.c.state == JobState.QUEUED)
+        .where(JOBS.c.id == job_id, STATE == JobState.QUEUED)
         .with_for_update(of=[APPLICATIONS, JOBS])
     )
     return WithRow(found, _take)
 
 
-_UNSENT = (
-    select(_OUTBOX.c.job_id)
-    .where(_OUTBOX.c.due_at > 0, _OUTBOX.c.sent == 0)  # not null, said so that SQLite too finds them by index
+_NEXT_DUE = (
+    select(_OUTBOX.c.job_id, _OUTBOX.c.sent)
+    .where(_OUTBOX.c.due_at > 0)  # not null, said so that SQLite too finds them by index
     .order_by(_OUTBOX.c.due_at)
     .limit(1)
     .offset(bindparam("older", type_=Integer))
+    .subquery()
 )
+"""Those that were sent come last, since they are due again later; the index alone tells which is next."""
+_UNSENT = select(_NEXT_DUE.c.job_id).where(_NEXT_DUE.c.sent == 0)
 
 _CLAIM, _CLAIM_UNSENT = _claim_of(OF_JOB), _claim_of(_UNSENT.scalar_subquery())
 
@@ -165,7 +168,7 @@ class Pulse(Requests):
 
 _RENEW = (
     update(JOBS)
-    .where(JOBS.c.id == OF_JOB, JOBS.c.token == HELD_TOKEN, JOBS.c.state == JobState.RUNNING)
+    .where(JOBS.c.id == OF_JOB, JOBS.c.token == HELD_TOKEN, STATE == JobState.RUNNING)
     .values(lease_until=now() + bindparam("lease_s", type_=Float))
     .returning(
         select(APPLICATIONS.c.cancel_requested)

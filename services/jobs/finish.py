@@ -10,7 +10,7 @@ from sqlalchemy import Connection, Engine, Integer, String, and_, bindparam, ins
 from sqlalchemy.orm import Session
 
 from services.jobs.claim import Claim
-from services.jobs.record import APPLICATIONS, HELD_TOKEN, JOBS, OF_JOB, PLACE, prune, record, refuse_unknown
+from services.jobs.record import APPLICATIONS, HELD_TOKEN, JOBS, OF_JOB, PLACE, STATE, prune, record, refuse_unknown
 from services.jobs.store import advance
 from shared.db.clock import now
 from shared.db.engine import at_once
@@ -87,7 +87,7 @@ _HELD = (
     .where(
         JOBS.c.id == OF_JOB,
         JOBS.c.token == HELD_TOKEN,
-        JOBS.c.state == JobState.RUNNING,
+        STATE == JobState.RUNNING,
         _STAGES.c.remaining > bindparam("others", type_=Integer),
     )
     .with_for_update(of=[APPLICATIONS, JOBS, _STAGES])

@@ -67,9 +67,10 @@ def relay(
 
 
 def _room(engine: Engine) -> int:
-    """How many messages may be sent for the first time."""
+    """How many messages may be sent for the first time: none before half of those that were out are claimed."""
     with reading(engine) as session:
-        return max(0, AHEAD - (session.scalar(_OUT) or 0))
+        room = AHEAD - (session.scalar(_OUT) or 0)
+    return room if 2 * room >= AHEAD else 0
 
 
 def recall(engine: Engine) -> int:

@@ -29,6 +29,10 @@ HELD_TOKEN, EVENT_NUMBER = bindparam("held_token", type_=Integer), bindparam("ev
 PLACE = [JOBS.c[name] for name in ("application_id", "generation", "stage", "method", "task_index")]
 """Where a job belongs."""
 
+STATE = JOBS.c.state.concat("")
+"""Of a job that is found by its id. The bare column would do, but a database that knows nothing of its tables yet may
+look for the state first, and read every job that waits."""
+
 
 def record(
     job: Columns,

@@ -16,6 +16,7 @@ from fastapi.testclient import TestClient
 from sqlalchemy import Engine
 from sqlalchemy.exc import OperationalError
 
+import worker.heartbeat
 import worker.patience
 import worker.run_job
 from api.app import create_app
@@ -84,8 +85,9 @@ def test_a_job(engine: Engine, settings: Settings, lines: Lines, monkeypatch: py
             time.sleep(0.01)
         return outcome_of(work)
 
-    for name, stand_in in {"claim": interrupted, "requests_of": away, "execute": solve}.items():
-        monkeypatch.setattr(worker.run_job, name, stand_in)
+    monkeypatch.setattr(worker.run_job, "claim", interrupted)
+    monkeypatch.setattr(worker.run_job, "execute", solve)
+    monkeypatch.setattr(worker.heartbeat, "requests_of", away)
     run_job(engine, settings.model_copy(update={"cancel_poll_s": 0.01}), first)
     ids = {"job": first, "application": application_id, "stage": "codesign"}
     for event in ("job claimed", "heartbeat failed", "job finished"):

@@ -22,7 +22,7 @@ from shared.db.tables import Job
 from shared.settings import Settings
 from tests.service.queue_actions import LONG_LEASE_S, outcome_of, queued, take
 from tests.service.requests import application, body
-from worker.run_job import Heartbeat
+from worker.heartbeat import Heartbeat
 
 COMPILE_S = 60.0
 USUAL_S = 2.0
