@@ -354,6 +354,8 @@ def test_messages_that_the_broker_lost_come_before_those_never_sent(
     first: list[str] = []
     relay(engine, first.extend, 30.0)
     assert recall(engine) == 2
+    due = rows(engine, select(Outbox.job_id).order_by(Outbox.due_at))
+    assert {row.job_id for row in due[:2]} == set(first)
     sent: list[str] = []
     relay(engine, sent.extend, 30.0)
     assert set(first) <= set(sent)
