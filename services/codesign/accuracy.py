@@ -108,9 +108,11 @@ def _solve_and_refine(
     rounds = [Round(first, certify(solution))]
     while not rounds[-1].certificate.keeps(accuracy) and len(rounds) <= MOST_REFINEMENTS:
         finer = refined(solution.problem.transcription, rounds[-1].certificate, accuracy)
-        if finer is None or time.monotonic() > deadline:
+        left = deadline - time.monotonic()
+        if finer is None or left <= 0:
             break
-        found = solve(replace(solution.problem, transcription=finer), solution.start, options, progress)
+        finer_problem, within = replace(solution.problem, transcription=finer), replace(options, max_wall_time=left)
+        found = solve(finer_problem, solution.start, within, progress)
         name = f"refined to {finer.intervals} intervals of degree {finer.degree}"
         if found.status in (STOPPED, INTERRUPTED):
             return AccurateSolution(_after(solution, found, name), (), met=False)

@@ -185,7 +185,7 @@ def run(
     start
         With `lam_x` and `lam_g` it is a warm start: IPOPT keeps to the point and begins with a small barrier.
     deadline
-        Value of `time.monotonic` at which to stop.
+        Value of `time.monotonic` at which to stop, if that comes before `options.max_wall_time` is over.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def run(
         raise RuntimeError("a solve is running in this process already: the linear algebra is not safe with threads")
     try:
         staged = load_staged_ldl()
-        watch = (progress, attempt, deadline)
+        watch = (progress, attempt, min(deadline, time.monotonic() + options.max_wall_time))
         outcome = _run_with(staged, program, instance, start, options, watch=watch)
         if staged is not None and (staged.refused or outcome.status in LINEAR_ALGEBRA_FAILED):
             outcome = _run_with(None, program, instance, start, options, watch=watch)
@@ -289,7 +289,7 @@ def _arguments(instance: Instance, start: Guess) -> dict[str, np.ndarray]:
 
 
 def _solver(program: AnyProgram, options: SolverOptions, warm: bool, staged: StagedLDL | None) -> _Solver:
-    key = (id(program), options, warm, MUMPS if staged is None else str(staged.path))
+    key = (id(program), options.tol, options.max_iter, warm, MUMPS if staged is None else str(staged.path))
 
     def make() -> _Solver:
         monitor = _Monitor()
@@ -305,7 +305,6 @@ def _casadi_options(
     ipopt: dict[str, Any] = {
         "tol": options.tol,
         "max_iter": options.max_iter,
-        "max_wall_time": options.max_wall_time,
         "min_refinement_steps": 0,  # a solution is refined when its residual asks for it
         "print_level": 0,
         "sb": "yes",

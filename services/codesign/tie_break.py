@@ -6,7 +6,6 @@ Which of them a solver returns is an accident, and the mean over tasks then aver
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 from services.codesign.guess import Guess
@@ -68,7 +67,6 @@ def preferred(
         options,
         progress=progress,
         attempt=1,
-        deadline=time.monotonic() + options.max_wall_time,
     )
     price = float(outcome.lam_g[-1])
     if outcome.success and price <= 0:
