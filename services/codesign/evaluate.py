@@ -15,12 +15,17 @@ def evaluate(function: ca.Function, *arguments: np.ndarray) -> list[np.ndarray]:
     Raises
     ------
     ValueError
-        For an argument of another size than the input.
+        For an argument of another size than the input, or a function with sparse ones.
     RuntimeError
         When the evaluation fails.
     """
+    patterns = [function.sparsity_in(i) for i in range(function.n_in())]
+    if not all(
+        pattern.is_dense() for pattern in patterns + [function.sparsity_out(i) for i in range(function.n_out())]
+    ):
+        raise ValueError(f"{function.name()} has inputs or outputs that are sparse")
     into: list[Any] = [np.asarray(argument, dtype=float).ravel(order="F") for argument in arguments]
-    sizes = [function.numel_in(i) for i in range(function.n_in())]
+    sizes = [pattern.numel() for pattern in patterns]
     if [len(argument) for argument in into] != sizes:
         raise ValueError(f"{function.name()} takes {sizes} numbers, not {[len(argument) for argument in into]}")
     out: list[Any] = [np.empty(function.size_out(i), order="F") for i in range(function.n_out())]

@@ -83,9 +83,11 @@ def _solve(
         return _solve_with_references(problem, start, options, progress)
     program = program_of(problem)
     instance = build_instance(problem, program)
+    ends = time.monotonic() + options.max_wall_time
     result = climb(problem, program, instance, start, options=options, progress=progress)
     if result.outcome.success and problem.design is None:
-        result = break_tie(problem, program, instance, result, options=options, progress=progress)
+        left = replace(options, max_wall_time=ends - time.monotonic())
+        result = break_tie(problem, program, instance, result, options=left, progress=progress)
     solution = solution_of(problem, program, instance, result)
     if solution.success:
         return solution

@@ -198,9 +198,10 @@ def run(
         raise RuntimeError("a solve is running in this process already: the linear algebra is not safe with threads")
     try:
         staged = load_staged_ldl()
-        watch = (progress, attempt, min(deadline, time.monotonic() + options.max_wall_time))
+        watch = (progress, attempt, deadline)
         outcome = _run_with(staged, program, instance, start, options, watch=watch)
-        if staged is not None and (staged.refused or outcome.status in LINEAR_ALGEBRA_FAILED):
+        failed = staged is not None and (staged.refused or outcome.status in LINEAR_ALGEBRA_FAILED)
+        if failed and outcome.status not in (STOPPED, OUT_OF_TIME):
             outcome = _run_with(None, program, instance, start, options, watch=watch)
         return outcome
     finally:
@@ -219,7 +220,8 @@ def _run_with(
     """Run IPOPT with our factorisation, or with MUMPS when there is none."""
     warm = start.lam_x is not None and start.lam_g is not None
     solver = _solver(program, options, warm, staged)
-    solver.monitor.begin(*watch)
+    progress, attempt, deadline = watch
+    solver.monitor.begin(progress, attempt, min(deadline, time.monotonic() + options.max_wall_time))
     if staged is not None:
         staged.hand_over(_order(program, instance), options.threads if _of_all_tasks(program) else 1)
     began = time.perf_counter()

@@ -279,13 +279,14 @@ static int list_pairs(int pairs, int size, unsigned char *marks, int *lists, int
   int length = 0;
   for (int k = 0; k < 2 * pairs; k += 2) {
     const unsigned char *b = marks + (size_t)k * (size_t)size, *a = b + size;
-    if (length + LIST_HEADER + 2 * (size - k) > space) return TOO_SMALL;
-    int *list = lists + length, *rows_b = list + LIST_HEADER, count_b = 0, count_a = 0;
-    for (int i = k + 2; i < size; i++)
-      if (b[i]) rows_b[count_b++] = i;
-    int *rows_a = rows_b + count_b;
-    for (int i = k + 2; i < size; i++)
-      if (a[i]) rows_a[count_a++] = i;
+    int count_b = 0, count_a = 0;
+    for (int i = k + 2; i < size; i++) count_b += b[i], count_a += a[i];
+    if (length + LIST_HEADER + count_b + count_a > space) return TOO_SMALL;
+    int *list = lists + length, *rows_b = list + LIST_HEADER, *rows_a = rows_b + count_b;
+    for (int i = k + 2, at_b = 0, at_a = 0; i < size; i++) {
+      if (b[i]) rows_b[at_b++] = i;
+      if (a[i]) rows_a[at_a++] = i;
+    }
     list[ROWS_OF_VARIABLE] = count_b, list[ROWS_OF_CONSTRAINT] = count_a;
     length += length_of_list(list);
     for (int t = 0; t < count_a; t++)
@@ -334,12 +335,15 @@ static int find_targets(Plan *plan, const int *irn, const int *icn, int space, c
   return length;
 }
 
-/* Every front has as many slots as the largest: its unknowns, `delayed` candidates, and all of its pairs again, which
- * are candidates when their pivots are not acceptable. */
+/* Every front has as many slots as the largest: columns of pairs, as many as the stage with most of them has, so that a
+ * column that was a pair's is never a candidate's; its other unknowns, `delayed` candidates, and all of its pairs again,
+ * which are candidates when their pivots are not acceptable. */
 static void set_size(Plan *plan, int delayed) {
+  int most = 0;
+  for (int s = 0; s < plan->stages; s++) most = plan->pairs[s] > most ? plan->pairs[s] : most;
   plan->size = 0;
   for (int s = 0; s < plan->stages; s++) {
-    const int size = 4 * plan->pairs[s] + candidates_of(plan, s) + boundary_of(plan, s) + delayed;
+    const int size = 2 * most + 2 * plan->pairs[s] + candidates_of(plan, s) + boundary_of(plan, s) + delayed;
     plan->size = size > plan->size ? size : plan->size;
   }
   plan->stride = column_stride(plan->size);
@@ -1028,6 +1032,14 @@ static int multipliers_of(const Plan *plan, int s) {
   return count;
 }
 
+/* How many multipliers of later stages have constraints that hold what was eliminated up to a stage. */
+static int multipliers_behind(const Plan *plan, int s) {
+  int count = 0;
+  for (int k = plan->first_boundary[s]; k < plan->first_boundary[s + 1]; k++)
+    count += plan->order[plan->boundary[k]] >= plan->first_multiplier;
+  return count;
+}
+
 /* Eliminate the stages of a chain, its first one with `count` remainders handed on by others. */
 static void eliminate_chain(Factorisation *f, int chain, int thread, const Remainder *handed_on, int count) {
   const Plan *plan = f->plan;
@@ -1053,7 +1065,7 @@ static void eliminate_chain(Factorisation *f, int chain, int thread, const Remai
     f->table[2 * s] = (int)(out.integers - f->iw);
     left = eliminate(plan, s, chain, delayed, &front, f->threshold, f->iw, f->a, done, waiting, &out);
     handed_on = &left, count = 1;
-    if (own && out.negative > multipliers) f->indefinite = 1;
+    if (own && out.negative > multipliers + multipliers_behind(plan, s)) f->indefinite = 1;
   }
   if (f->indefinite) return;
   f->negative += out.negative;
@@ -1069,9 +1081,9 @@ static void eliminate_branch(void *context, int chain, int thread) { eliminate_c
  * integers. Returns 0 or one of the failures.
  *
  * IPOPT wants one negative eigenvalue for each multiplier, and regularises and asks again where there are more. That can
- * be known early. More negative pivots than the stages so far have multipliers mean a direction of negative curvature in
- * which only their eliminated variables move and all constraints hold: the whole has too many whatever comes after
- * (Haynsworth 1968). That some of the stages' unknowns were delayed changes nothing: a variable that waits does not
+ * be known early. More negative pivots than there are multipliers of the constraints that hold an eliminated variable,
+ * in the stages so far and behind them, mean a direction of negative curvature in which only eliminated variables move
+ * and all constraints hold: the whole has too many whatever comes after (Haynsworth 1968). That some of the stages' unknowns were delayed changes nothing: a variable that waits does not
  * move, a multiplier that waits only adds to the negative ones (Cauchy). Then the rest is left out, and INFO(15) is one
  * too many; IPOPT does not solve with factors of the wrong inertia. */
 static int factorise(const Plan *plan, int planned, int room, double threshold, int threads, double *a, int *iw,
@@ -1328,7 +1340,7 @@ static int plan_for(Plan *plan, const int *irn, const int *icn, int *ikeep, int 
   const int planned = ikeep[PLAN_LENGTH], threads = ikeep[THREADS];
   int room = ikeep[ROOM];
   if (HEADER + planned > integer_space) return *needed = 2 * (HEADER + planned), NO_INTEGER_SPACE;
-  if (make_plan(plan, irn, icn, room, iw + HEADER, planned) < 0) return NO_INTEGER_SPACE;
+  if (make_plan(plan, irn, icn, room, iw + HEADER, planned) < 0) return handed.refused++, FAILED_SIZE;
   Space space = space_for(plan, planned, room, threads);
   for (;;) {
     const Space more = space_for(plan, planned, 2 * room, threads);
@@ -1338,7 +1350,8 @@ static int plan_for(Plan *plan, const int *irn, const int *icn, int *ikeep, int 
   if (space.reals > real_space) return *needed = (int)space.reals, NO_REAL_SPACE;
   if (space.integers > integer_space) return *needed = (int)space.integers, NO_INTEGER_SPACE;
   *plan = bare;
-  if (room > ikeep[ROOM]) make_plan(plan, irn, icn, room, iw + HEADER, planned);
+  if (room > ikeep[ROOM] && make_plan(plan, irn, icn, room, iw + HEADER, planned) < 0)
+    return handed.refused++, FAILED_SIZE;
   ikeep[ROOM] = room;
   return 0;
 }

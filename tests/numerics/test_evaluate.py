@@ -30,3 +30,24 @@ def test_results_stay_when_it_is_called_again():
 def test_another_size_is_refused():
     with pytest.raises(ValueError, match=r"example takes \[6, 2\] numbers, not \[6, 3\]"):
         evaluate(FUNCTION, np.ones((2, 3)), np.ones(3))
+
+
+def test_sparse_inputs_and_outputs_are_refused():
+    """Their numbers would lie elsewhere than in numpy's arrays."""
+    diagonal = ca.SX.sym("d", ca.Sparsity.diag(2))
+    for sparse in (ca.Function("sparse", [Y], [ca.diag(Y)]), ca.Function("sparse", [diagonal], [ca.densify(diagonal)])):
+        with pytest.raises(ValueError, match="sparse has inputs or outputs that are sparse"):
+            evaluate(sparse, np.ones(sparse.numel_in(0)))
+
+
+def test_a_failed_evaluation_is_an_error():
+    class Fails(ca.Callback):
+        def __init__(self) -> None:
+            ca.Callback.__init__(self)
+            self.construct("fails")
+
+        def eval(self, _):
+            raise ArithmeticError("no number")
+
+    with pytest.raises(RuntimeError):
+        evaluate(Fails(), np.ones(1))

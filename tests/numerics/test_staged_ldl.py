@@ -197,6 +197,28 @@ def test_pairs(weight, dual, coupling):
     check(order_of([8, 4], [2, 0]), 12, lower_entries(matrix))
 
 
+def test_more_pairs_than_in_the_stage_before():
+    """Columns that held candidates there are those of pairs here."""
+    rng = np.random.default_rng(1)
+    matrix = rng.normal(size=(160, 160))
+    check(order_of([100, 60], [0, 30]), 160, lower_entries(matrix + matrix.T))
+
+
+@pytest.mark.parametrize("times", [1, 3, 8, 40])
+def test_arrays_larger_than_asked_for(times):
+    """They give room to more candidates that wait, in a plan of the same length."""
+    rng = np.random.default_rng(2)
+    matrix = rng.normal(size=(12, 12))
+    for k in (0, 2):
+        matrix[k + 1, k + 1], matrix[k + 1, k] = 0.0, 9.0
+    matrix = np.tril(matrix) + np.tril(matrix, -1).T
+    rows, columns, values = lower_entries(matrix)
+    ma27 = MA27(order_of([8, 4], [2, 0]), 12, rows, columns)
+    ma27.allocate(times * len(ma27.a), times * len(ma27.iw))
+    assert ma27.factorise(values) == (0, int((np.linalg.eigvalsh(matrix) < 0).sum()))
+    assert ma27.solve(matrix @ np.arange(12.0)) == pytest.approx(np.arange(12.0), abs=1e-10)
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_pairs_in_many_stages(seed):
     """Sparse stages of pairs and others on a chain with a border; some pairs are no pivots, some unknowns must wait."""
@@ -232,6 +254,19 @@ def test_too_many_negative_eigenvalues_are_known_early(seed, chains, waiting):
     order, entries = optimality_system(stages=7, chains=chains, curvatures=curvatures, waiting=waiting, rng=rng)
     check(replace(order, multipliers=0), len(order.order), entries)
     check_early_end(order, len(order.order), entries)
+
+
+@pytest.mark.parametrize("curvatures", [(-1.0, 1.0), (-1.0, -1.0), (1.0, 1.0)])
+def test_a_constraint_of_a_later_stage_may_hold_what_came_before(curvatures):
+    """Negative curvature along the first variable alone, which the constraint that comes after it does not allow."""
+    padding = 8
+    matrix = np.eye(3 + padding)
+    matrix[0, 0], matrix[1, 1] = curvatures
+    y = 2 + padding
+    matrix[y, :] = matrix[:, y] = 0.0
+    matrix[0, y] = matrix[y, 0] = 1.0
+    order = replace(order_of([1, 2 + padding]), multipliers=1)
+    check_early_end(order, 3 + padding, lower_entries(matrix))
 
 
 @pytest.mark.parametrize("waiting", [False, True])
