@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import threading
 import time
+from contextlib import suppress
 from contextvars import Context, copy_context
 from dataclasses import dataclass, field
-from functools import cache
 
 import structlog
 from sqlalchemy import Engine
@@ -19,6 +19,9 @@ from shared.settings import Settings
 from worker.drain import drained
 
 log = structlog.get_logger()
+
+LONGEST_BEAT_S = 5.0
+"""A beat that takes longer hangs, on a database that does not answer: the next job does not wait for it."""
 
 
 @dataclass(eq=False)
@@ -37,17 +40,18 @@ class Heartbeat:
     search_stopped: threading.Event = field(default_factory=threading.Event)
     _latest: IterationReport | None = None
     _stop: threading.Event = field(default_factory=threading.Event)
-    _waited: float = 0.0
+    _renew_at: float = 0.0
     _compiling: bool = False
     _ids: Context = field(default_factory=copy_context)
 
     def __enter__(self) -> Heartbeat:
+        self._renew_at = time.monotonic() + self.settings.heartbeat_s
         self._heart = _heart(self.settings.cancel_poll_s)
-        self._heart.add(self)
+        self._heart.beating.add(self)
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._heart.discard(self)
+        self._heart.beating.discard(self)
 
     def should_stop(self, iteration: IterationReport) -> bool:
         """For the solver."""
@@ -61,11 +65,10 @@ class Heartbeat:
         self._ids.run(self._beat)
 
     def _beat(self) -> None:
-        self._waited += self.settings.cancel_poll_s
         try:
-            if self._waited >= self.settings.heartbeat_s:
-                self._waited = 0.0
+            if time.monotonic() >= self._renew_at:
                 pulse = renew(self.engine, self.held, self.settings.lease_s)
+                self._renew_at = time.monotonic() + self.settings.heartbeat_s  # one that failed is tried again soon
                 self._heed(pulse, mine=pulse.mine)
             else:
                 self._heed(requests_of(self.engine, self.held))
@@ -90,17 +93,38 @@ class Heartbeat:
         self._compiling = building()
 
 
-@cache
-def _heart(every_s: float) -> set[Heartbeat]:
-    """The jobs at hand of this process; a thread lets each of them beat. One for every job would cost a short one more
-    than its solve."""
-    beating: set[Heartbeat] = set()
+class _Heart:
+    """The thread that lets the jobs at hand of this process beat: one for every job would cost a short one more than
+    its solve."""
 
-    def live() -> None:
-        while True:
-            time.sleep(every_s)
-            for heartbeat in list(beating):
-                heartbeat.beat()
+    def __init__(self, every_s: float) -> None:
+        self.every_s, self.beating, self._began = every_s, set[Heartbeat](), time.monotonic()
+        self._thread = threading.Thread(target=self._live, name="heartbeat", daemon=True)
 
-    threading.Thread(target=live, name="heartbeat", daemon=True).start()
-    return beating
+    def start(self) -> None:
+        """Once it is this process' own."""
+        self._thread.start()
+
+    @property
+    def hangs(self) -> bool:
+        """Whether the thread is gone, as after a fork, or has not come round for long."""
+        return not self._thread.is_alive() or time.monotonic() - self._began > self.every_s + LONGEST_BEAT_S
+
+    def _live(self) -> None:
+        while _HEARTS.get(self.every_s) is self or self.beating:
+            self._began = time.monotonic()
+            time.sleep(self.every_s)
+            for heartbeat in list(self.beating):
+                with suppress(Exception):  # a log that cannot be written: the others need this thread
+                    heartbeat.beat()
+
+
+_HEARTS: dict[float, _Heart] = {}
+
+
+def _heart(every_s: float) -> _Heart:
+    heart = _HEARTS.get(every_s)
+    if heart is None or heart.hangs:
+        heart = _HEARTS[every_s] = _Heart(every_s)
+        heart.start()
+    return heart

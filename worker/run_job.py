@@ -38,26 +38,41 @@ GIVING_BACK_S = 10.0
 def wake_up(engine: Engine, settings: Settings, job_id: str) -> None:
     """Do the job that a message is about, and then those whose messages are not sent yet, for `GO_ON_S`.
 
-    Jobs that are soon at their end would else cost less than their messages.
+    Jobs that are soon at their end would else cost less than their messages. A message whose job somebody else has
+    taken wakes nobody up: others may stand behind it in the broker that are older than what was not sent.
     """
     until = time.monotonic() + GO_ON_S
-    run_job(engine, settings, job_id)
+    if not run_job(engine, settings, job_id):
+        return
     while time.monotonic() < until and not draining():
-        held = patiently(lambda: claim_unsent(engine, worker_name(), settings.lease_s))
+        held = _next(engine, settings)
         if held is None:
             return
         with bound_contextvars(job=held.job_id):
             _run(engine, settings, held)
 
 
-def run_job(engine: Engine, settings: Settings, job_id: str) -> None:
-    """Claim a job, solve it, record the outcome. A job that is not queued is left alone."""
+def _next(engine: Engine, settings: Settings) -> Claim | None:
+    """A job that was not sent. An outage is not waited out here: a claim whose answer was lost would be made of another
+    job, and the next message comes when the database is back."""
+    try:
+        return claim_unsent(engine, worker_name(), settings.lease_s)
+    except DBAPIError as error:
+        if not passes(error):
+            raise
+        log.warning("no job taken without a message", error=str(error.orig))
+        return None
+
+
+def run_job(engine: Engine, settings: Settings, job_id: str) -> bool:
+    """Claim a job, solve it, record the outcome; returns whether it was queued, else it is left alone."""
     with bound_contextvars(job=job_id):
         held = patiently(lambda: claim(engine, job_id, worker_name(), settings.lease_s))
         if held is None:
             log.info("job not queued, message ignored")
-            return
+            return False
         _run(engine, settings, held)
+        return True
 
 
 def _run(engine: Engine, settings: Settings, held: Claim) -> None:

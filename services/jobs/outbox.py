@@ -12,7 +12,7 @@ from shared.db.engine import reading, transaction
 from shared.db.tables import Outbox, table_of
 
 AHEAD = 100
-"""Messages that are out, at most, while the first of them is not claimed: it is enough that no process waits. Others
+"""Messages that the broker holds, at most, of those sent for the first time: it is enough that no process waits. Others
 stay in the outbox, from where processes that are soon at the end of their jobs take them (`claim_unsent`)."""
 MOST_DOUBLINGS = 6
 LONG_AGO = 1.0
@@ -23,13 +23,11 @@ SENT_AND_WAITING = (Outbox.due_at > 0, Outbox.sent > 0)
 _MESSAGES = table_of(Outbox).c
 _DUE = (
     select(_MESSAGES.job_id, _MESSAGES.sent)
-    .where(_MESSAGES.due_at <= now())
+    .where(_MESSAGES.due_at <= select(now()).scalar_subquery())
     .order_by(_MESSAGES.due_at, _MESSAGES.job_id)
     .limit(AHEAD)
 )
-"""Asked twenty times a second."""
-_OUT = select(func.count()).where(_MESSAGES.due_at > select(now()).scalar_subquery())
-"""Sent, and neither claimed nor due again. The time is asked for once, so that they are found by index."""
+"""Asked twenty times a second. The time is asked for once, so that they are found by index."""
 
 
 def relay(
@@ -37,22 +35,23 @@ def relay(
 ) -> int:
     """Publish due messages, oldest first, then mark them; returns how many.
 
-    `send` gets the ids of jobs. When it fails, some of its messages may be out, and all are sent again.
+    `send` gets the ids of jobs. When it fails, some of its messages may be out, and all are sent again. `backlog`
+    counts the messages that the broker holds; none is sent for the first time while that is more than half of `AHEAD`.
 
     A published job stays in the outbox until it is claimed, and is sent again after `resend_after_s`, twice that,
-    and so on: a broker may lose its queue. `backlog` counts the messages that the broker holds; while it holds one for
-    each job that was sent and not claimed, nothing was lost, and nothing is sent again. So there are never more
-    messages than jobs, however long they wait. Published first and marked after, so that a crash in between doubles
-    messages and loses none.
+    and so on: a broker may lose its queue. While it holds a message for each job that was sent and not claimed,
+    nothing was lost, and nothing is sent again. So there are never more messages than jobs, however long they wait.
+    Published first and marked after, so that a crash in between doubles messages and loses none.
     """
     with reading(engine) as session:
         due = session.connection().execute(_DUE).all()
     if not due:
         return 0
-    again = [row.job_id for row in due if row.sent]
-    lost = max(0, unclaimed(engine) - backlog()) if again else 0
-    first = [row.job_id for row in due if not row.sent]
-    sending, waiting = first[: _room(engine)] + again[:lost], again[lost:]
+    first, again = ([row.job_id for row in due if bool(row.sent) is sent] for sent in (False, True))
+    held = backlog()
+    room = AHEAD - held if 2 * held <= AHEAD else 0
+    lost = max(0, unclaimed(engine) - held) if again else 0
+    sending, waiting = first[:room] + again[:lost], again[lost:]
     if not sending and not waiting:
         return 0
     if sending:
@@ -64,13 +63,6 @@ def relay(
         if waiting:
             _put_off(session, waiting, resend_after_s)
     return len(sending)
-
-
-def _room(engine: Engine) -> int:
-    """How many messages may be sent for the first time: none before half of those that were out are claimed."""
-    with reading(engine) as session:
-        room = AHEAD - (session.scalar(_OUT) or 0)
-    return room if 2 * room >= AHEAD else 0
 
 
 def recall(engine: Engine) -> int:
