@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 
 import structlog
+from billiard.compat import mem_rss  # in kB, as the pool counts it
 from sqlalchemy import Engine
 from sqlalchemy.exc import DBAPIError
 from structlog.contextvars import bound_contextvars
@@ -44,12 +45,17 @@ def wake_up(engine: Engine, settings: Settings, job_id: str) -> None:
     until = time.monotonic() + GO_ON_S
     if not run_job(engine, settings, job_id):
         return
-    while time.monotonic() < until and not draining():
+    while time.monotonic() < until and _may_go_on(settings):
         held = _next(engine, settings)
         if held is None:
             return
         with bound_contextvars(job=held.job_id):
             _run(engine, settings, held)
+
+
+def _may_go_on(settings: Settings) -> bool:
+    """Not when the worker shuts down, nor where the pool will replace this process for the memory that it has held."""
+    return not draining() and mem_rss() <= 1000 * settings.solver_memory_mb
 
 
 def _next(engine: Engine, settings: Settings) -> Claim | None:

@@ -26,7 +26,7 @@ from tests.servers import Server, postgres_database
 from tests.service.queue_actions import LONG_LEASE_S, drain, queued
 from tests.service.requests import application
 from worker.main import GOODBYE_S
-from worker.run_job import GIVING_BACK_S, LAST_BEAT_S
+from worker.run_job import GIVING_BACK_S
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "deploy" / "kubernetes"
@@ -131,7 +131,7 @@ def test_probes_and_ports_of_the_api(tmp_path: Path) -> None:
 
 def test_a_worker_has_time_to_end_and_is_judged_by_its_signs_of_life() -> None:
     grace = pod("worker")["spec"]["terminationGracePeriodSeconds"]
-    assert grace > Settings().drain_s + GIVING_BACK_S + LAST_BEAT_S + GOODBYE_S
+    assert grace > Settings().drain_s + GIVING_BACK_S + GOODBYE_S
     assert f"{grace}s" == SERVICES["worker"]["stop_grace_period"]
     assert container("worker")["livenessProbe"]["exec"]["command"] == SERVICES["worker"]["healthcheck"]["test"][1:]
 

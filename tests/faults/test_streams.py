@@ -6,7 +6,10 @@ import json
 from collections.abc import Iterator
 
 import httpx
+from sqlalchemy import func, select
 
+from shared.db.engine import reading
+from shared.db.tables import Event as EventRow
 from tests.faults.conftest import Count, Measured
 from tests.faults.history import assert_true_to_its_word
 from tests.faults.service import START_S, Service, kill_family, wait_until
@@ -31,6 +34,7 @@ def test_a_stream_of_events_cut_again_and_again(service: Service, count: Count, 
     service.start("worker", **NO_LEASE_LOST)
     application_id = service.submit(2)
     wait_until(lambda: len(service.held()) == 2, START_S)
+    wait_until(lambda: _reported(service), START_S)
     heard: list[Event] = []
     for cut in range(1, cuts + 1):
         if cut == cuts // 2:
@@ -52,6 +56,12 @@ def test_a_stream_of_events_cut_again_and_again(service: Service, count: Count, 
     assert sum(kind == "iteration" for _, kind, _ in heard) > 0
     assert_true_to_its_word(service.engine, service.accepted)
     measured(f"{len(heard)} events over {cuts} cut streams, {cuts // KILL_THE_API_EVERY} of them by a killed API")
+
+
+def _reported(service: Service) -> bool:
+    """Whether a solve has told of an iteration."""
+    with reading(service.engine) as session:
+        return session.scalar(select(func.count()).where(EventRow.kind == "iteration")) > 0
 
 
 def _follow(http: httpx.Client, application_id: str, heard: list[Event]) -> Iterator[Event]:
