@@ -17,6 +17,7 @@ from services.jobs.work import Work
 from shared.contracts.application import ApplicationRequest
 from shared.domain import JobState, Stage
 from shared.settings import Settings
+from worker import drain
 
 PROCESSES = multiprocessing.get_context("forkserver")
 PROCESSES.set_forkserver_preload(["__main__", "api.main", "worker.main", "worker.relay"])
@@ -35,6 +36,9 @@ def no_solve(work: Work, *_: Any) -> Outcome:
 
 def run_worker() -> None:
     """A worker of the service."""
+    drain._shared[:] = bytes(
+        len(drain._shared)
+    )  # made before the fork: it still says that the one before was told to end
     import worker.main
     import worker.run_job
 
