@@ -36,9 +36,8 @@ def no_solve(work: Work, *_: Any) -> Outcome:
 
 def run_worker() -> None:
     """A worker of the service."""
-    drain._shared[:] = bytes(
-        len(drain._shared)
-    )  # made before the fork: it still says that the one before was told to end
+    # The flag was made before the fork, and may still say that the worker before was told to end.
+    drain._shared[:] = bytes(len(drain._shared))
     import worker.main
     import worker.run_job
 
