@@ -23,7 +23,7 @@ from services.codesign.program import load_program
 from services.codesign.robot import Robot
 from services.codesign.solution import Solution
 from services.codesign.solve import solve
-from services.codesign.solver import SolverOptions
+from services.codesign.solver import CentralPath, SolverOptions
 from services.codesign.staged_ldl import load_staged_ldl
 
 UR5 = Robot.preset("ur5")
@@ -77,7 +77,9 @@ def shares() -> str:
     for name, staged in (("ours", load_staged_ldl()), ("MUMPS, ordered by METIS", None)):
         monitor = solver_module._Monitor()
         monitor.begin(None, 0, np.inf)
-        options = solver_module._casadi_options(program, SolverOptions(), False, staged, monitor)
+        options = solver_module._casadi_options(
+            program, SolverOptions(), False, CentralPath.WHOLE, staged=staged, monitor=monitor
+        )
         with tempfile.TemporaryDirectory() as folder:
             log = Path(folder) / "ipopt.log"
             more = {"output_file": str(log), "file_print_level": 5, "print_timing_statistics": "yes"}

@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from enum import Enum
 from typing import Any
 
 import casadi as ca
@@ -52,6 +53,39 @@ METIS = 5
 WARM_START_BARRIER = 1e-5
 """First barrier parameter of a start with multipliers; IPOPT's 0.1 would throw the start away."""
 
+
+class CentralPath(Enum):
+    """Which part of the central path a solve follows, which IPOPT does from barrier parameter 0.1 down to `tol`."""
+
+    WHOLE = "whole"
+    BEGINNING = "beginning"  # as far as `BEGINNING_ENDS`: a point to start another grid from
+    END = "end"  # from `END_BEGINS` on, near a point where a beginning ended
+
+
+BEGINNING_ENDS = 1e-4
+END_BEGINS = 3e-6
+
+PATHS: dict[CentralPath, dict[str, Any]] = {
+    CentralPath.WHOLE: {},
+    CentralPath.BEGINNING: {
+        "mu_target": BEGINNING_ENDS,
+        "tol": 10 * BEGINNING_ENDS,
+        "dual_inf_tol": 10.0,
+        "constr_viol_tol": 10.0,
+        "compl_inf_tol": 10.0,
+    },
+    # Multipliers of bounds start between those of active bounds and those of the others; 1, which IPOPT begins with, is
+    # right for a barrier of 0.1 and costs seven iterations here (docs/performance.md).
+    CentralPath.END: {
+        "mu_init": END_BEGINS,
+        "bound_mult_init_val": 1e-3,
+        "bound_push": BEGINNING_ENDS,
+        "bound_frac": BEGINNING_ENDS,
+        "slack_bound_push": BEGINNING_ENDS,
+        "slack_bound_frac": BEGINNING_ENDS,
+    },
+}
+"""IPOPT's options for each, chosen over the 25 tasks of the paper, those of another arm and random ones."""
 
 SHARED_BARRIER = {"barrier_tol_factor": 1e3, "mu_target": 1e-7, "kappa_sigma": 1e5}
 """For the program of all tasks, whose motions with time to spare leave directions flat: each barrier problem is solved
@@ -174,6 +208,7 @@ def run(
     start: Guess,
     options: SolverOptions,
     *,
+    path: CentralPath = CentralPath.WHOLE,
     progress: Progress | None = None,
     attempt: int = 0,
     deadline: float = np.inf,
@@ -199,10 +234,10 @@ def run(
     try:
         staged = load_staged_ldl()
         watch = (progress, attempt, deadline)
-        outcome = _run_with(staged, program, instance, start, options, watch=watch)
+        outcome = _run_with(staged, program, instance, start, options, path=path, watch=watch)
         failed = staged is not None and (staged.refused or outcome.status in LINEAR_ALGEBRA_FAILED)
         if failed and outcome.status not in (STOPPED, OUT_OF_TIME):
-            outcome = _run_with(None, program, instance, start, options, watch=watch)
+            outcome = _run_with(None, program, instance, start, options, path=path, watch=watch)
         return outcome
     finally:
         _BUSY.release()
@@ -215,11 +250,12 @@ def _run_with(
     start: Guess,
     options: SolverOptions,
     *,
+    path: CentralPath,
     watch: tuple[Progress | None, int, float],
 ) -> Outcome:
     """Run IPOPT with our factorisation, or with MUMPS when there is none."""
     warm = start.lam_x is not None and start.lam_g is not None
-    solver = _solver(program, options, warm, staged)
+    solver = _solver(program, options, warm, path, staged)
     progress, attempt, deadline = watch
     solver.monitor.begin(progress, attempt, min(deadline, time.monotonic() + options.max_wall_time))
     if staged is not None:
@@ -290,19 +326,27 @@ def _arguments(instance: Instance, start: Guess) -> dict[str, np.ndarray]:
     return numbers
 
 
-def _solver(program: AnyProgram, options: SolverOptions, warm: bool, staged: StagedLDL | None) -> _Solver:
-    key = (id(program), options.tol, options.max_iter, warm, MUMPS if staged is None else str(staged.path))
+def _solver(
+    program: AnyProgram, options: SolverOptions, warm: bool, path: CentralPath, staged: StagedLDL | None
+) -> _Solver:
+    key = (id(program), options.tol, options.max_iter, warm, path, MUMPS if staged is None else str(staged.path))
 
     def make() -> _Solver:
         monitor = _Monitor()
-        casadi_options = _casadi_options(program, options, warm, staged, monitor)
+        casadi_options = _casadi_options(program, options, warm, path, staged=staged, monitor=monitor)
         return _Solver(program, ca.nlpsol("solve", "ipopt", program.nlp, casadi_options), monitor)
 
     return _SOLVERS.get(key, make)
 
 
 def _casadi_options(
-    program: AnyProgram, options: SolverOptions, warm: bool, staged: StagedLDL | None, monitor: _Monitor
+    program: AnyProgram,
+    options: SolverOptions,
+    warm: bool,
+    path: CentralPath,
+    *,
+    staged: StagedLDL | None,
+    monitor: _Monitor,
 ) -> dict[str, Any]:
     ipopt: dict[str, Any] = {
         "tol": options.tol,
@@ -316,6 +360,7 @@ def _casadi_options(
         ipopt |= SHARED_BARRIER
     if isinstance(program, Program):
         ipopt |= EXPECT_INFEASIBLE
+    ipopt |= PATHS[path]
     if warm:
         ipopt |= {
             "warm_start_init_point": "yes",

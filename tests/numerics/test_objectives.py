@@ -50,7 +50,11 @@ def test_references_are_the_minimum_time_and_its_effort():
     fastest, solution = solved(0.6, 2.0), solved(0.6, 2.0, "weighted", 0.5)
     assert solution.problem.objective.time_reference == fastest.measures.final_time
     assert solution.problem.objective.effort_reference == fastest.measures.effort
-    assert [attempt.name for attempt in solution.attempts] == ["references: quintic", "given start"]
+    assert [attempt.name for attempt in solution.attempts] == [
+        "references: 12 intervals",
+        "references: from 12 intervals",
+        "given start",
+    ]
     expected = 0.5 + 0.5 * 1.0  # the fastest motion itself
     assert solution.objective < expected
 

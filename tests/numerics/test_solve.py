@@ -222,18 +222,21 @@ def test_failed_solve_is_a_value():
     assert (solution.design, solution.motion, solution.measures, solution.objective) == (None, None, None, None)
     assert np.isfinite(solution.constraint_violation)
     names = [attempt.name for attempt in solution.attempts]
-    assert names == ["quintic", "slower motion", "elastic limits", "strongest motor", "coarse grid of 10 intervals"]
+    assert names == ["12 intervals", "quintic", "slower motion", "elastic limits", "strongest motor"]
     assert solution.iterations == sum(attempt.iterations for attempt in solution.attempts) == 15
     assert {report.attempt for report in reports} == {0, 1, 2, 3, 4}
     with pytest.raises(ValueError, match="no start"):
         _ = solution.start
 
 
-@pytest.mark.parametrize(("attempt", "name"), [(2, "elastic limits"), (4, "coarse grid of 10 intervals")])
-def test_a_stop_while_a_rung_looks_for_its_start_is_a_stop(attempt, name):
+@pytest.mark.parametrize(
+    ("kind", "attempt", "name"),
+    [("time", 0, "12 intervals"), ("time", 3, "elastic limits"), ("energy", 3, "12 intervals")],
+)
+def test_a_stop_while_a_rung_looks_for_its_start_is_a_stop(kind, attempt, name):
     """There another program is solved, not the task itself; no rung follows."""
-    options = SolverOptions(max_iter=3)
-    solution = solve(paper_problem(0.6, 2.0), options=options, progress=lambda report: report.attempt == attempt)
+    problem, options = paper_problem(0.6, 2.0, kind=kind), SolverOptions(max_iter=3)
+    solution = solve(problem, options=options, progress=lambda report: report.attempt == attempt)
     assert solution.attempts[-1].name == name
     assert solution.status == STOPPED
     assert "stopped on request" in solution.reason
@@ -243,7 +246,7 @@ def test_bad_start_falls_back_on_the_ladder():
     own = solved(0.6, 2.0)
     solution = solve(own.problem, Guess(np.full_like(own.x, np.nan)))
     assert solution.success
-    assert [attempt.name for attempt in solution.attempts] == ["given start", "quintic"]
+    assert [attempt.name for attempt in solution.attempts] == ["given start", "12 intervals", "from 12 intervals"]
     assert solution.attempts[0].status == "Invalid_Number_Detected"
     assert solution.objective == own.objective
 
