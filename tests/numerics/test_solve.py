@@ -313,7 +313,7 @@ def test_time_limit_ends_the_ladder():
     solution = solve(paper_problem(0.6, 2.0), options=SolverOptions(max_wall_time=0.05))
     assert solution.status == OUT_OF_TIME
     assert "0.05 s" in solution.reason
-    assert len(solution.attempts) == 1
+    assert [attempt.name for attempt in solution.attempts] in (["12 intervals"], ["12 intervals", "from 12 intervals"])
 
 
 def test_energy_without_duration_is_refused():
