@@ -36,7 +36,7 @@ bench-solve: $(READY_TO_DEVELOP) ## the part of it by pytest-benchmark: the pape
 		--benchmark-json .benchmarks/solve.json
 
 bench: bench-solve ## measure, and write the tables of docs/performance.md (half an hour)
-	@for part in solve_time growth random_tasks "random_tasks --kind energy" infeasible_tasks fan_out job_parts start_up memory throughput dashboard; do \
+	@for part in solve_time baseline_optima growth random_tasks "random_tasks --kind energy" infeasible_tasks fan_out job_parts start_up memory throughput dashboard; do \
 		echo "--- $$part"; OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.$$part || exit 1; done
 
 studies: $(READY_TO_DEVELOP) ## figures and tables of docs/shared_optimum.md, from the stored results

@@ -92,10 +92,11 @@ def explain_failure(
     *,
     options: SolverOptions,
     progress: Progress | None,
+    deadline: float,
 ) -> str:
     """What stands in the way of a task whose solve failed: stopped, or likely torque, time, limits, what is violated.
 
-    When the task's latest final time is the suspect, one more solve looks for the fastest motion.
+    When the task's latest final time is the suspect, one more solve looks for the fastest motion, until `deadline`.
     """
     outcome = climb.outcome
     if outcome.status == STOPPED:
@@ -106,7 +107,7 @@ def explain_failure(
         return f"not solved within the {options.max_wall_time:g} s allowed for a solve"
     findings = [
         _too_heavy(problem, program, instance),
-        _too_slow(problem, program, outcome, options=options, progress=progress),
+        _too_slow(problem, program, outcome, options=options, progress=progress, deadline=deadline),
     ]
     found = [finding for finding in findings if finding is not None]
     found += [_least_to_give(climb.unmet)] if climb.unmet else []
@@ -137,7 +138,13 @@ def _too_heavy(problem: Problem, program: Program, instance: Instance) -> str | 
 
 
 def _too_slow(
-    problem: Problem, program: Program, outcome: Outcome, *, options: SolverOptions, progress: Progress | None
+    problem: Problem,
+    program: Program,
+    outcome: Outcome,
+    *,
+    options: SolverOptions,
+    progress: Progress | None,
+    deadline: float,
 ) -> str | None:
     """The fastest motion without the task's latest final time, when there is one and it comes too late."""
     _, latest = problem.final_time_bounds
@@ -146,7 +153,8 @@ def _too_slow(
         return None
     objective = Objective("time", final_time_bounds=(problem.final_time_bounds[0], longest))
     relaxed = replace(problem, objective=objective)
-    fastest = run(program, build_instance(relaxed, program), Guess(outcome.x), options, progress=progress)
+    start = Guess(outcome.x)
+    fastest = run(program, build_instance(relaxed, program), start, options, progress=progress, deadline=deadline)
     _, final_time, _ = program.split(fastest.x)
     if not fastest.success or final_time <= latest:
         return None

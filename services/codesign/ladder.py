@@ -46,7 +46,10 @@ SLOWER = 2.0
 """Stretch of the motion time on the second rung."""
 
 COARSE = 12
-"""Intervals of the coarse grid; of 8 to 16 all do alike."""
+"""Intervals of the coarse grid; 8 to 16 do alike."""
+
+ON_COARSE, FROM_COARSE = f"{COARSE} intervals", f"from {COARSE} intervals"
+"""Names of the attempt on the coarse grid, and of the one on the task's own that follows it."""
 
 ENDED = (STOPPED, OUT_OF_TIME, INTERRUPTED)
 """Statuses after which nothing more is tried."""
@@ -230,8 +233,7 @@ def _coarse(
     coarse_program = program_of(coarse)
     coarse_instance = build_instance(coarse, coarse_program)
     guess = quintic_guess(coarse, coarse_program, coarse_instance, design)
-    name = f"{COARSE} intervals"
-    outcome = climber.attempt(name, coarse_program, coarse_instance, guess, CentralPath.BEGINNING)
+    outcome = climber.attempt(ON_COARSE, coarse_program, coarse_instance, guess, CentralPath.BEGINNING)
     if not outcome.success:
         return None
     found, _, _ = coarse_program.split(outcome.x)

@@ -91,7 +91,7 @@ def _solve(
     solution = solution_of(problem, program, instance, result)
     if solution.success:
         return solution
-    reason = explain_failure(problem, program, instance, result, options=options, progress=progress)
+    reason = explain_failure(problem, program, instance, result, options=options, progress=progress, deadline=ends)
     return replace(solution, reason=reason)
 
 

@@ -63,7 +63,7 @@ class CentralPath(Enum):
 
 
 BEGINNING_ENDS = 1e-4
-END_BEGINS = 3e-6
+END_BEGINS = 2e-6
 
 PATHS: dict[CentralPath, dict[str, Any]] = {
     CentralPath.WHOLE: {},
@@ -83,6 +83,7 @@ PATHS: dict[CentralPath, dict[str, Any]] = {
         "bound_frac": BEGINNING_ENDS,
         "slack_bound_push": BEGINNING_ENDS,
         "slack_bound_frac": BEGINNING_ENDS,
+        "perturb_inc_fact": 4.0,
     },
 }
 """IPOPT's options for each, chosen over the 25 tasks of the paper, those of another arm and random ones."""

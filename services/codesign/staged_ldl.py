@@ -93,12 +93,18 @@ def library_name() -> str:
 
 @functools.cache
 def _name(source: Path, *shape: tuple[str, ...]) -> str:
-    """As the source was when it was read first: no solve waits for it again."""
-    return "staged-ldl-" + hashlib.sha256(json.dumps([source.read_text(), *shape]).encode()).hexdigest()[:32]
+    return "staged-ldl-" + hashlib.sha256(json.dumps([_text(source), *shape]).encode()).hexdigest()[:32]
+
+
+@functools.cache
+def _text(source: Path) -> str:
+    """As it was when it was read first: no solve waits for it again, and what is compiled is what the name is of."""
+    return source.read_text()
 
 
 def _compile(compiler: str, path: Path) -> None:
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-        built = f"{folder}/staged_ldl.so"
-        run_compiler([compiler, *COMPILER_FLAGS, "-fPIC", "-shared", str(SOURCE), "-o", built, "-lm"])
+        source, built = f"{folder}/staged_ldl.c", f"{folder}/staged_ldl.so"
+        Path(source).write_text(_text(SOURCE))
+        run_compiler([compiler, *COMPILER_FLAGS, "-fPIC", "-shared", source, "-o", built, "-lm"])
         os.replace(built, path)
