@@ -6,6 +6,7 @@ after a failed ladder and says what is likely; a solver that is local by nature 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -92,11 +93,12 @@ def explain_failure(
     *,
     options: SolverOptions,
     progress: Progress | None,
-    deadline: float,
+    deadline: float = math.inf,
 ) -> str:
     """What stands in the way of a task whose solve failed: stopped, or likely torque, time, limits, what is violated.
 
-    When the task's latest final time is the suspect, one more solve looks for the fastest motion, until `deadline`.
+    When the task's latest final time is the suspect, one more solve looks for the fastest motion, until `deadline`, a
+    value of `time.monotonic`.
     """
     outcome = climb.outcome
     if outcome.status == STOPPED:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from services.codesign.diagnose import explain_failure, impossible
+from services.codesign.guess import quintic_guess, starting_design
 from services.codesign.instance import build_instance
 from services.codesign.ladder import Climb
 from services.codesign.motor import evaluate_motor
@@ -134,6 +136,29 @@ def test_the_largest_violation_is_put_in_words(row, words):
     )
     assert words in reason
     assert "20% into the motion" in reason
+
+
+@pytest.mark.parametrize("is_over", [False, True])
+def test_the_fastest_motion_is_looked_for_in_the_time_that_is_left(is_over):
+    """A motion that has 0.2 s, and takes 0.31 s."""
+    late = replace(paper_problem(0.6, 2.0), objective=Objective("time", final_time_bounds=(0.05, 0.2)))
+    program = load_program(UR5, late.layout, 50)
+    instance = build_instance(late, program)
+    start = quintic_guess(late, program, instance, starting_design(late))
+    nothing = np.zeros(program.variables), np.zeros(program.constraints)
+    outcome = Outcome("Infeasible_Problem_Detected", start.x, *nothing, 0.0, 10, 0.1, MUMPS)
+    told = []
+    reason = explain_failure(
+        late,
+        program,
+        instance,
+        Climb(outcome, ()),
+        options=SolverOptions(),
+        progress=told.append,
+        deadline=time.monotonic() if is_over else np.inf,
+    )
+    assert ("the shortest motion found with any motors takes 0.3" in reason) is not is_over
+    assert (len(told) <= 1) is is_over
 
 
 def test_strongest_motor_is_feasible_and_beats_every_other():
