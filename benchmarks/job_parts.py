@@ -42,7 +42,7 @@ SOLVER, REPLAY = "IPOPT", "replay"
 PARTS: dict[str, list[tuple[Any, str]]] = {
     "claim": [(worker.run_job, "claim")],
     "inputs read": [(worker.run_job, "load_work")],
-    "guess": [(services.codesign.ladder, "quintic_guess")],
+    "guess": [(services.codesign.ladder, "quintic_guess"), (services.codesign.ladder, "motion_guess")],
     SOLVER: [(services.codesign.ladder, "run")],
     "optimality": [(services.codesign.solve, "optimality")],
     REPLAY: [(services.codesign.certify, "replay")],

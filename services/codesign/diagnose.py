@@ -100,11 +100,11 @@ def explain_failure(
     When the task's latest final time is the suspect, one more solve looks for the fastest motion, until `deadline`, a
     value of `time.monotonic`.
     """
-    outcome = climb.outcome
+    outcome, iterations = climb.outcome, sum(attempt.iterations for attempt in climb.attempts)
     if outcome.status == STOPPED:
-        return f"stopped on request after {outcome.iterations} iterations"
+        return f"stopped on request after {iterations} iterations"
     if outcome.status == INTERRUPTED:
-        return f"interrupted from outside after {outcome.iterations} iterations"
+        return f"interrupted from outside after {iterations} iterations"
     if outcome.status == OUT_OF_TIME:
         return f"not solved within the {options.max_wall_time:g} s allowed for a solve"
     findings = [

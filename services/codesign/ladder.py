@@ -1,8 +1,9 @@
 """What is tried, in order, until a solve succeeds.
 
 1. `from 12 intervals`, where only time counts: the dynamic guess on a grid of 12 intervals, solved for the beginning
-   of the central path; from its motion and motors the task's own grid follows the rest. A third fewer iterations than
-   from the guess itself, and better local optima (docs/performance.md). All 25 tasks of the paper solve here.
+   of the central path; from its motion and motors the task's own grid follows the rest. A third fewer iterations there
+   than from the guess itself (docs/performance.md). All 25 tasks of the paper solve here. Where the motion found takes
+   more time than the coarse grid's, `quintic` is tried as well, and the better one kept.
 2. `quintic`: the dynamic guess with a feasible starting design. Where effort counts too it comes first, and all 25
    tasks solve with it.
 3. `slower motion`: the same, stretched in time (where the time is free): far from the voltage limit.
@@ -10,7 +11,8 @@
    limits the task is solved from there. Where they clearly do not, the ladder ends, and what they break is named: of
    the tasks tried, none that the later rungs could do (docs/performance.md).
 5. `strongest motor`: the starting design with the most torque per ampere, for heavy payloads.
-6. `from 12 intervals`, where effort counts too.
+6. `from 12 intervals`, where effort counts too or the time is given.
+Of fewer than 24 intervals no coarse grid is made.
 A start that is handed in comes before them. What the last rung leaves unsolved goes to `diagnose`.
 """
 
@@ -25,8 +27,8 @@ import numpy as np
 from services.codesign.elastic import ElasticProgram, Unmet, elastic_instance, elastic_start, load_elastic, unmet_limits
 from services.codesign.guess import Guess, motion_guess, quintic_guess, starting_design
 from services.codesign.instance import Instance, build_instance, scales_of
-from services.codesign.motion import read_motion
-from services.codesign.problem import Problem
+from services.codesign.motion import read_motion, with_gears_of
+from services.codesign.problem import FINAL_TIME_BOUNDS, Problem
 from services.codesign.program import Program, program_of
 from services.codesign.solution import Attempt, Start
 from services.codesign.solver import (
@@ -43,7 +45,7 @@ from services.codesign.strongest_motor import strongest_motor
 from services.codesign.torque_load import torque_load
 
 SLOWER = 2.0
-"""Stretch of the motion time on the second rung."""
+"""Stretch of the motion time on the rung of that name."""
 
 COARSE = 12
 """Intervals of the coarse grid; 8 to 16 do alike."""
@@ -51,11 +53,14 @@ COARSE = 12
 ON_COARSE, FROM_COARSE = f"{COARSE} intervals", f"from {COARSE} intervals"
 """Names of the attempt on the coarse grid, and of the one on the task's own that follows it."""
 
+MOST_COARSE_ITERATIONS = 100
+"""It takes 14, and far strokes up to 60."""
+
 ENDED = (STOPPED, OUT_OF_TIME, INTERRUPTED)
 """Statuses after which nothing more is tried."""
 
 HOPELESS = 2.0
-"""Torque load (`torque_load`) above which one failed attempt is enough."""
+"""Torque load (`torque_load`) above which one failed attempt is enough, on whichever grid."""
 
 CLEARLY = 1e-3
 """Share of a limit that has to give for the ladder to end: ten times what counts as kept."""
@@ -88,6 +93,7 @@ class _Climber:
     deadline: float
     attempts: list[Attempt]
     unmet: tuple[Unmet, ...] = ()
+    promised: float = np.inf  # objective [scaled] that a coarse grid has, and a finer one should have too
 
     @property
     def is_done(self) -> bool:
@@ -95,19 +101,26 @@ class _Climber:
         ended = bool(self.attempts) and self.attempts[-1].status in ENDED
         return ended or any(limit.share > CLEARLY for limit in self.unmet)
 
+    def is_hopeless(self, problem: Problem, program: Program, instance: Instance) -> bool:
+        """Whether an attempt has failed for which no motor has the torque by far."""
+        return bool(self.attempts) and torque_load(problem, program, instance).share > HOPELESS
+
     def attempt(
         self,
         name: str,
         program: Program | ElasticProgram,
         instance: Instance,
         start: Guess,
+        *,
         path: CentralPath = CentralPath.WHOLE,
+        most_iterations: int | None = None,
     ) -> Outcome:
+        most = self.options.max_iter if most_iterations is None else min(most_iterations, self.options.max_iter)
         outcome = run(
             program,
             instance,
             start,
-            self.options,
+            replace(self.options, max_iter=most),
             path=path,
             progress=self.progress,
             attempt=len(self.attempts),
@@ -128,24 +141,24 @@ def climb(
 ) -> Climb:
     """Try one rung after another until one succeeds, time is up, or `progress` asks to stop."""
     climber = _Climber(options, progress, time.monotonic() + options.max_wall_time, [])
-    outcome = None
-    rungs = _rungs(problem, program, instance, start, climber)
-    for rung in rungs:
+    outcome: Outcome | None = None
+    doubtful: Outcome | None = None
+    for rung in _rungs(problem, program, instance, start, climber):
         guess = rung.start()
-        if guess is None and climber.is_done:
+        tried = None if guess is None else climber.attempt(rung.name, program, instance, guess, path=rung.path)
+        outcome = tried or outcome
+        is_solved = tried is not None and tried.success
+        if is_solved and outcome is not None and outcome.objective > climber.promised:
+            doubtful, climber.promised = outcome, np.inf
+        elif is_solved or climber.is_done or climber.is_hopeless(problem, program, instance):
             break
-        if guess is None:
-            continue
-        outcome = climber.attempt(rung.name, program, instance, guess, rung.path)
-        if outcome.success or outcome.status in ENDED:
-            break
-        if torque_load(problem, program, instance).share > HOPELESS:
-            break
-    last = climber.attempts[-1].status
     if outcome is None:  # ended on the coarse grid
         begin = quintic_guess(problem, program, instance, starting_design(problem))
         outcome = _not_begun(program, begin, climber.attempts[-1])
-    if last in ENDED:  # while a rung looked for its start
+    if doubtful is not None:
+        outcome = _better(doubtful, outcome)
+    last = climber.attempts[-1].status
+    if last in ENDED and not outcome.success:  # while a rung looked for its start
         outcome = replace(outcome, status=last)
     return Climb(outcome, tuple(climber.attempts), climber.unmet)
 
@@ -164,6 +177,13 @@ def attempt_once(
     """One attempt from a point, without a ladder; `attempt` is its number among those of the solve."""
     outcome = run(program, instance, start, options, progress=progress, attempt=attempt, deadline=deadline)
     return Climb(outcome, (_record(name, outcome),))
+
+
+def _better(first: Outcome, second: Outcome) -> Outcome:
+    """Of a success and what was tried after it; who asks for a stop gets no answer."""
+    if second.status in (STOPPED, INTERRUPTED):
+        return second
+    return second if second.success and second.objective < first.objective else first
 
 
 def _not_begun(program: Program, start: Guess, last: Attempt) -> Outcome:
@@ -188,10 +208,10 @@ def _rungs(
     problem: Problem, program: Program, instance: Instance, start: Guess | Start | None, climber: _Climber
 ) -> Iterator[Rung]:
     design = starting_design(problem)
-    coarse = Rung(
-        f"from {COARSE} intervals", lambda: _coarse(problem, program, instance, design, climber), CentralPath.END
-    )
-    only_time = problem.objective.kind == "time"
+    low, high = problem.final_time_bounds
+    only_time = problem.objective.kind == "time" and low < high
+    path = CentralPath.END if only_time else CentralPath.WHOLE
+    coarse = Rung(FROM_COARSE, lambda: _coarse(problem, program, instance, design, climber), path)
     if start is not None:
         yield Rung("given start", lambda: _given(problem, program, instance, start, design))
     if only_time:
@@ -229,16 +249,33 @@ def _coarse(
     """The motion and motors where a coarse grid's central path begins to follow its end; None for few intervals."""
     if program.intervals < 2 * COARSE:
         return None
-    coarse = replace(problem, transcription=replace(problem.transcription, intervals=COARSE, widths=None))
+    low, high = problem.final_time_bounds
+    coarse = replace(
+        problem,
+        transcription=replace(problem.transcription, intervals=COARSE, widths=None),
+        # Fewer intervals need more time.
+        objective=replace(problem.objective, final_time_bounds=(low, max(high, FINAL_TIME_BOUNDS[1]))),
+    )
     coarse_program = program_of(coarse)
     coarse_instance = build_instance(coarse, coarse_program)
     guess = quintic_guess(coarse, coarse_program, coarse_instance, design)
-    outcome = climber.attempt(ON_COARSE, coarse_program, coarse_instance, guess, CentralPath.BEGINNING)
+    outcome = climber.attempt(
+        ON_COARSE,
+        coarse_program,
+        coarse_instance,
+        guess,
+        path=CentralPath.BEGINNING,
+        most_iterations=MOST_COARSE_ITERATIONS,
+    )
     if not outcome.success:
         return None
+    climber.promised = outcome.objective
     found, _, _ = coarse_program.split(outcome.x)
     motion = read_motion(coarse, coarse_program, outcome.x)
-    return motion_guess(problem, program, instance, found * scales_of(problem).design, motion)
+    geared = with_gears_of(problem, coarse_program, outcome.x)  # whose scales its motion has
+    x = motion_guess(geared, program, instance, found * scales_of(problem).design, motion).x
+    x[program.lengths : program.design_size] = outcome.x[coarse_program.lengths : coarse_program.design_size]
+    return Guess(np.clip(x, instance.lower_x, instance.upper_x))
 
 
 def _elastic(

@@ -87,7 +87,8 @@ def mean_of_solved(own: Sequence[Solution], weights: Sequence[float] | None = No
 def with_design(own: Solution, design: np.ndarray) -> Problem:
     """The same task with given motors, (n, 7) m, measured by the same references.
 
-    It is solved from the quintic guess, not from the task's own motion: over 25 tasks and three designs that took a
-    third fewer iterations for `time` and `weighted`, and where one start failed for `energy` so did the other.
+    It is solved from the ladder's start, not from the task's own motion: over 25 tasks and three designs the quintic
+    guess took a third fewer iterations for `time` and `weighted`, and where one start failed for `energy` so did the
+    other.
     """
     return replace(own.problem, design=design)

@@ -98,7 +98,7 @@ class Program:
         return shares
 
 
-MOST_PROGRAMS = 8
+MOST_PROGRAMS = 12
 """Kept in a process."""
 
 _PROGRAMS: Kept[Program] = Kept(MOST_PROGRAMS)

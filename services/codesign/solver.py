@@ -196,7 +196,7 @@ class _Solver:
     monitor: _Monitor
 
 
-MOST_SOLVERS = 8
+MOST_SOLVERS = 12
 """Kept in a process, each with IPOPT's work space."""
 
 _SOLVERS: Kept[_Solver] = Kept(MOST_SOLVERS)

@@ -1,7 +1,7 @@
 """A choice among local optima: a task solved from several starts, of which the best answer is kept.
 
-The first start is the dynamic guess with its ladder, as for a task that is solved once. Start k = 1, 2, ... is a
-quintic motion as well, with other motors and more time: every motor's lengths are drawn uniformly within their bounds
+The first start is that of the ladder, as for a task that is solved once. Start k = 1, 2, ... is a quintic motion on the
+task's own grid, with other motors and more time: every motor's lengths are drawn uniformly within their bounds
 and moved to the nearest feasible design (Problem 2), and the shortest time for them is stretched by a factor drawn
 from 1 to `SLOWEST`. What is drawn depends on k alone, so every task and every machine has the same starts.
 """
@@ -19,7 +19,7 @@ from services.codesign.guess import Guess, quintic_guess, starting_design
 from services.codesign.instance import build_instance
 from services.codesign.ladder import attempt_once
 from services.codesign.problem import Problem
-from services.codesign.program import load_program
+from services.codesign.program import program_of
 from services.codesign.reconcile import project_design
 from services.codesign.solution import NOT_ATTEMPTED, Solution
 from services.codesign.solve import solution_of, solve
@@ -110,7 +110,7 @@ def _solve_from(
     problem: Problem, k: int, options: SolverOptions, *, progress: Progress | None, attempts: int, deadline: float
 ) -> Solution:
     began = time.perf_counter()
-    program = load_program(problem.robot, problem.layout, problem.transcription.intervals)
+    program = program_of(problem)
     instance = build_instance(problem, program)
     design, stretch = starting_point(problem, k)
     guess = quintic_guess(problem, program, instance, design, stretch)

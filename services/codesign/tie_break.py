@@ -35,7 +35,8 @@ def break_tie(
     tie_break = problem.tie_break
     if tie_break is None:
         return found
-    tried = preferred(problem, program, instance, found.outcome, options=options, progress=progress)
+    count = len(found.attempts)
+    tried = preferred(problem, program, instance, found.outcome, options=options, progress=progress, attempt=count)
     name = "tie-break: lightest" if tie_break.nearest_to is None else "tie-break: nearest"
     attempt = Attempt(name, tried.status, tried.iterations, tried.seconds, tried.linear_solver)
     return Climb(tried if tried.success else found.outcome, (*found.attempts, attempt))
@@ -49,6 +50,7 @@ def preferred(
     *,
     options: SolverOptions,
     progress: Progress | None,
+    attempt: int = 1,
 ) -> Outcome:
     """The point with the preferred design among those whose objective is within the tolerance of the optimum's.
 
@@ -66,7 +68,7 @@ def preferred(
         Guess(optimum.x),
         options,
         progress=progress,
-        attempt=1,
+        attempt=attempt,
     )
     price = float(outcome.lam_g[-1])
     if outcome.success and price <= 0:

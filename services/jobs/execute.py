@@ -56,8 +56,8 @@ def execute(
         log.append((report.attempt, report.iteration, report.objective))
         return progress(report)
 
-    # Cold, but for the shared optimum's motions: the dynamic guess beats the task's own motion as a start for other
-    # motors (docs/performance.md).
+    # Cold, but for the shared optimum's motions: the ladder's start beats the task's own motion for other motors
+    # (docs/performance.md).
     outcome = _as_it_is if work.application.accuracy is None else _accurate
     return replace(outcome(work, problem, options, watched), log=tuple(log))
 

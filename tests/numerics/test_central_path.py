@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,9 +9,8 @@ from services.codesign.guess import motion_guess, quintic_guess, starting_design
 from services.codesign.instance import build_instance, scales_of
 from services.codesign.motion import read_motion
 from services.codesign.program import program_of
-from services.codesign.solve import solve
 from services.codesign.solver import BEGINNING_ENDS, CentralPath, SolverOptions, run
-from tests.numerics.tasks import paper_problem, solved
+from tests.numerics.tasks import paper_problem
 
 FINE = SolverOptions(tol=1e-8)
 
@@ -53,11 +50,3 @@ def test_the_end_goes_on_from_there(whole):
     assert rest.success
     assert rest.iterations < end.iterations
     assert rest.objective < end.objective * (1 + 1e-4)
-
-
-def test_few_intervals_have_no_coarse_grid():
-    names = [attempt.name for attempt in solved(0.6, 2.0).attempts]
-    assert names == ["12 intervals", "from 12 intervals"]
-    problem = paper_problem(0.6, 2.0)
-    few = replace(problem, transcription=replace(problem.transcription, intervals=20))
-    assert [attempt.name for attempt in solve(few).attempts] == ["quintic"]

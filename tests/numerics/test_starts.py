@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from services.codesign.accuracy import solve_accurately
+from services.codesign.freedom import Freedom
 from services.codesign.guess import quintic_guess
 from services.codesign.instance import build_instance
 from services.codesign.problem import FIRST, Accuracy, Problem, Transcription
@@ -75,6 +76,13 @@ def test_a_given_design_is_kept():
     found = solve_from_starts(problem(design=design), 3, OPTIONS)
     assert np.array_equal(found.solution.design, design)
     assert len(found.runs) == 3
+
+
+def test_motors_that_are_to_be_alike_are_alike_from_every_start():
+    found = solve_from_starts(problem(freedom=Freedom(identical=((0, 1, 2, 3, 4, 5),))), 3, OPTIONS)
+    assert [run.objective is None for run in found.runs] == [False] * 3
+    assert np.ptp(found.solution.design, axis=0).max() == 0.0
+    assert min(run.objective for run in found.runs) > solve(problem()).objective * 1.05
 
 
 def test_with_design_and_time_given_there_is_one_start():

@@ -1,0 +1,105 @@
+"""Which starts are tried, and which answer is kept."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from services.codesign import ladder as ladder_module
+from services.codesign.freedom import TieBreak
+from services.codesign.ladder import FROM_COARSE, ON_COARSE
+from services.codesign.motor_data import MotorData
+from services.codesign.problem import Objective, Transcription
+from services.codesign.solve import solve
+from services.codesign.solver import STOPPED, CentralPath, run
+from tests.numerics.tasks import paper_problem, solved
+from tests.numerics.test_freedom import GEARS, Freedom
+
+COARSE_FIRST = [ON_COARSE, FROM_COARSE]
+
+
+def names(solution):
+    return [attempt.name for attempt in solution.attempts]
+
+
+def test_few_intervals_have_no_coarse_grid():
+    few = replace(paper_problem(0.6, 2.0), transcription=Transcription(intervals=20))
+    assert names(solve(few)) == ["quintic"]
+
+
+def test_a_given_time_is_not_searched_on_a_coarse_grid():
+    given = Objective("time", final_time_bounds=(0.5, 0.5))
+    assert names(solve(replace(paper_problem(0.6, 2.0), objective=given))) == ["quintic"]
+
+
+@pytest.mark.parametrize("spare", [1e-3, 1e-2])
+def test_the_latest_time_does_not_bind_the_coarse_grid(spare):
+    """Which takes more time than fifty intervals, and would find no motion."""
+    shortest = solved(0.6, 2.0).objective
+    tight = Objective("time", final_time_bounds=(0.05, shortest * (1 + spare)))
+    solution = solve(replace(paper_problem(0.6, 2.0), objective=tight))
+    assert names(solution) == COARSE_FIRST
+    assert solution.objective == pytest.approx(shortest, rel=1e-4)
+
+
+def test_gear_ratios_found_on_the_coarse_grid_are_kept(monkeypatch):
+    starts = {}
+
+    def remembering(program, instance, start, options, **rest):
+        outcome = run(program, instance, start, options, **rest)
+        starts[rest["path"]] = program.gear_shares(start.x), program.gear_shares(outcome.x)
+        return outcome
+
+    monkeypatch.setattr(ladder_module, "run", remembering)
+    problem = replace(paper_problem(0.6, 2.0), freedom=Freedom(GEARS))
+    assert names(solve(problem)) == COARSE_FIRST
+    assert np.array_equal(starts[CentralPath.BEGINNING][0], np.ones(6))
+    assert np.abs(starts[CentralPath.BEGINNING][1] - 1).max() > 0.1
+    np.testing.assert_allclose(starts[CentralPath.END][0], starts[CentralPath.BEGINNING][1])
+
+
+@pytest.fixture
+def promised_too_much(monkeypatch):
+    """A coarse grid on which the motion takes no time."""
+    coarse = ladder_module._coarse
+
+    def promising(problem, program, instance, design, climber):
+        guess = coarse(problem, program, instance, design, climber)
+        climber.promised = 0.0
+        return guess
+
+    monkeypatch.setattr(ladder_module, "_coarse", promising)
+
+
+@pytest.mark.parametrize("payload", [0.0, 4.0])
+def test_a_motion_slower_than_the_coarse_grids_is_sought_again(promised_too_much, payload):
+    """From the quintic guess; it is the better one for 0 kg, and the worse one for 4 kg."""
+    solution = solve(paper_problem(1.0, payload))
+    assert names(solution) == [*COARSE_FIRST, "quintic"]
+    assert solution.success
+    own = solved(1.0, payload).objective
+    assert solution.objective <= own
+
+
+def test_a_stop_after_a_doubtful_answer_is_a_stop(promised_too_much):
+    solution = solve(paper_problem(0.6, 2.0), progress=lambda report: report.attempt == 2)
+    assert solution.status == STOPPED
+    assert solution.design is None
+    assert solution.reason == f"stopped on request after {solution.iterations} iterations"
+
+
+def test_one_failed_attempt_is_enough_where_no_motor_holds_the_payload():
+    weak = replace(MotorData(), current_limit=0.25)
+    solution = solve(replace(paper_problem(0.6, 4.0), motor=weak))
+    assert names(solution) == [ON_COARSE]
+    assert "joint 2 must hold" in solution.reason
+
+
+def test_every_attempt_has_a_number_of_its_own():
+    seen = []
+    problem = replace(paper_problem(0.6, 2.0), tie_break=TieBreak())
+    solution = solve(problem, progress=lambda report: bool(seen.append(report.attempt)))
+    assert names(solution) == [*COARSE_FIRST, "tie-break: lightest"]
+    assert [seen.count(k) for k in range(3)] == [attempt.iterations + 1 for attempt in solution.attempts]
