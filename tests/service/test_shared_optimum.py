@@ -89,7 +89,7 @@ def test_it_beats_every_other_method(engine: Engine, settings: Settings) -> None
     assert stored.convergence is not None
     # Each task goes on from where the joint program has its motion, so that none ends in a worse optimum.
     assert weighted("shared_optimum") <= stored.convergence[-1][1] * (1 + 1e-6)
-    assert first_attempts(engine) == {"shared_optimum": {"given start"}} | {key: {"12 intervals"} for key in others}
+    assert first_attempts(engine) == {"shared_optimum": {"given start"}} | {key: {"quintic"} for key in others}
 
 
 def first_attempts(engine: Engine) -> dict[str, set[str]]:
