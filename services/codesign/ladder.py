@@ -1,9 +1,10 @@
 """What is tried, in order, until a solve succeeds.
 
-1. `from 12 intervals`, where only time counts: the dynamic guess on a grid of 12 intervals, solved for the beginning
-   of the central path; from its motion and motors the task's own grid follows the rest. A third fewer iterations there
-   than from the guess itself (docs/performance.md). All 25 tasks of the paper solve here. Where the motion found takes
-   more time than the coarse grid's, `quintic` is tried as well, and the better one kept.
+1. `from 12 intervals`, where only time counts and the dynamic guess takes less than 2 s: that guess on a grid of 12
+   intervals, solved for the beginning of the central path; from its motion and motors the task's own grid follows the
+   rest, a third fewer iterations there than from the guess itself (docs/performance.md). All 25 tasks of the paper
+   solve here. Where the motion found takes more time than the coarse grid's, `quintic` is tried as well, and the
+   better one kept.
 2. `quintic`: the dynamic guess with a feasible starting design. Where effort counts too it comes first, and all 25
    tasks solve with it.
 3. `slower motion`: the same, stretched in time (where the time is free): far from the voltage limit.
@@ -11,7 +12,7 @@
    limits the task is solved from there. Where they clearly do not, the ladder ends, and what they break is named: of
    the tasks tried, none that the later rungs could do (docs/performance.md).
 5. `strongest motor`: the starting design with the most torque per ampere, for heavy payloads.
-6. `from 12 intervals`, where effort counts too or the time is given.
+6. `from 12 intervals`, unless it was the first.
 Of fewer than 24 intervals no coarse grid is made.
 A start that is handed in comes before them. What the last rung leaves unsolved goes to `diagnose`.
 """
@@ -53,8 +54,13 @@ COARSE = 12
 ON_COARSE, FROM_COARSE = f"{COARSE} intervals", f"from {COARSE} intervals"
 """Names of the attempt on the coarse grid, and of the one on the task's own that follows it."""
 
+SHORT = 2.0
+"""Motion time [s] of the dynamic guess up to which a coarse grid comes first. In what takes longer the arm moves at its
+top speed nearly all the time, and the task's own grid is solved from the guess in 13 iterations (docs/performance.md).
+"""
+
 MOST_COARSE_ITERATIONS = 100
-"""It takes 14, and far strokes up to 60."""
+"""It takes 14, and where both ends lie anywhere up to 60."""
 
 ENDED = (STOPPED, OUT_OF_TIME, INTERRUPTED)
 """Statuses after which nothing more is tried."""
@@ -209,19 +215,20 @@ def _rungs(
 ) -> Iterator[Rung]:
     design = starting_design(problem)
     low, high = problem.final_time_bounds
-    only_time = problem.objective.kind == "time" and low < high
-    path = CentralPath.END if only_time else CentralPath.WHOLE
-    coarse = Rung(FROM_COARSE, lambda: _coarse(problem, program, instance, design, climber), path)
     if start is not None:
         yield Rung("given start", lambda: _given(problem, program, instance, start, design))
-    if only_time:
-        yield coarse
+    if problem.objective.kind == "time" and low < high:
+        yield Rung(
+            FROM_COARSE,
+            lambda: _coarse(problem, program, instance, design, climber, longest=SHORT),
+            CentralPath.END,
+        )
     yield Rung("quintic", lambda: quintic_guess(problem, program, instance, design))
     yield Rung("slower motion", lambda: _slower(problem, program, instance, design))
     yield Rung("limits kept after all", lambda: _elastic(problem, program, instance, design, climber))
     yield Rung("strongest motor", lambda: _strongest(problem, program, instance))
-    if not only_time:
-        yield coarse
+    if all(attempt.name != ON_COARSE for attempt in climber.attempts):
+        yield Rung(FROM_COARSE, lambda: _coarse(problem, program, instance, design, climber))
 
 
 def _given(problem: Problem, program: Program, instance: Instance, start: Guess | Start, fallback: np.ndarray) -> Guess:
@@ -244,9 +251,18 @@ def _strongest(problem: Problem, program: Program, instance: Instance) -> Guess 
 
 
 def _coarse(
-    problem: Problem, program: Program, instance: Instance, design: np.ndarray, climber: _Climber
+    problem: Problem,
+    program: Program,
+    instance: Instance,
+    design: np.ndarray,
+    climber: _Climber,
+    *,
+    longest: float = np.inf,
 ) -> Guess | None:
-    """The motion and motors where a coarse grid's central path begins to follow its end; None for few intervals."""
+    """The motion and motors where a coarse grid's central path begins to follow its end.
+
+    None for few intervals, and where the dynamic guess takes more than `longest` [s].
+    """
     if program.intervals < 2 * COARSE:
         return None
     low, high = problem.final_time_bounds
@@ -259,6 +275,8 @@ def _coarse(
     coarse_program = program_of(coarse)
     coarse_instance = build_instance(coarse, coarse_program)
     guess = quintic_guess(coarse, coarse_program, coarse_instance, design)
+    if coarse_program.split(guess.x)[1] > longest:
+        return None
     outcome = climber.attempt(
         ON_COARSE,
         coarse_program,

@@ -9,12 +9,12 @@ import pytest
 
 from services.codesign import ladder as ladder_module
 from services.codesign.freedom import TieBreak
-from services.codesign.ladder import FROM_COARSE, ON_COARSE
+from services.codesign.ladder import FROM_COARSE, ON_COARSE, SHORT
 from services.codesign.motor_data import MotorData
-from services.codesign.problem import Objective, Transcription
+from services.codesign.problem import Objective, Problem, Task, Transcription
 from services.codesign.solve import solve
 from services.codesign.solver import STOPPED, CentralPath, run
-from tests.numerics.tasks import paper_problem, solved
+from tests.numerics.tasks import UR5, paper_problem, solved
 from tests.numerics.test_freedom import GEARS, Freedom
 
 COARSE_FIRST = [ON_COARSE, FROM_COARSE]
@@ -27,6 +27,14 @@ def names(solution):
 def test_few_intervals_have_no_coarse_grid():
     few = replace(paper_problem(0.6, 2.0), transcription=Transcription(intervals=20))
     assert names(solve(few)) == ["quintic"]
+
+
+def test_what_takes_long_starts_from_the_quintic():
+    """All joints through most of their ranges: 4 s at least."""
+    far = Problem(UR5, Task(-0.9 * UR5.joint_upper, 0.9 * UR5.joint_upper, 1.0))
+    solution = solve(far)
+    assert names(solution) == ["quintic"]
+    assert solution.measures.final_time > SHORT
 
 
 def test_a_given_time_is_not_searched_on_a_coarse_grid():
@@ -65,8 +73,8 @@ def promised_too_much(monkeypatch):
     """A coarse grid on which the motion takes no time."""
     coarse = ladder_module._coarse
 
-    def promising(problem, program, instance, design, climber):
-        guess = coarse(problem, program, instance, design, climber)
+    def promising(problem, program, instance, design, climber, **rest):
+        guess = coarse(problem, program, instance, design, climber, **rest)
         climber.promised = 0.0
         return guess
 
