@@ -37,7 +37,7 @@ def report_of(engine: Engine, application_id: str) -> Report:
         comparison=_if_there(lambda: results.comparison(engine, application_id)),
         motions=_motion(engine, application_id, tasks, status.method),
         motor=meaning.build_motor(),
-        robot=meaning.build_robot(),
+        robot=meaning.arm,
     )
     content = [task.model_dump(mode="json") for task in meaning.tasks]
     return Report(answers, content, meaning.as_request(status.name, status.tags))

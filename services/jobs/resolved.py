@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -142,18 +143,19 @@ class ResolvedApplication(Strict):
         }
         return {key: value for key, value in request.items() if value is not None}
 
-    def build_robot(self) -> Robot:
-        """The arm."""
+    @cached_property
+    def arm(self) -> Robot:
+        """The robot, built and checked once; jobs of one application share what was accepted (`spec.py`)."""
         return Robot.from_wire(self.robot)
 
     def build_motor(self) -> MotorData:
         """The motors' constants, bounds and limits."""
         return MotorData.from_wire(self.motor.to_wire())
 
-    @property
+    @cached_property
     def freedom(self) -> Freedom:
         """What a design may choose beside lengths."""
-        return freedom_of(self.design, self.build_robot().joints)
+        return freedom_of(self.design, self.arm.joints)
 
     @property
     def accuracy(self) -> Accuracy | None:
@@ -174,9 +176,9 @@ class ResolvedApplication(Strict):
             Shape (n,): those of the design that is given, or where the search for free ones begins; the robot's own,
             or what of the bounds is nearest to them, when None.
         """
-        robot = self.build_robot()
+        own = self.arm.gear_ratio
         return Problem(
-            robot=robot.with_gears(self.freedom.admitted(robot.gear_ratio) if gear_ratio is None else gear_ratio),
+            robot=self.arm.with_gears(self.freedom.admitted(own) if gear_ratio is None else gear_ratio),
             task=_task(self.tasks[task_index]),
             motor=self.build_motor(),
             objective=_objective(self.objective),

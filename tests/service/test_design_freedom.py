@@ -219,8 +219,8 @@ def test_what_belongs_together_must_come_together(changes: dict[str, Any], field
 def test_the_arm_as_it_is_asked_to_be() -> None:
     """Lighter, longer and with other gears; a sweep may run over each."""
     changes = {"link_mass_scale": 0.5, "link_length_scale": 2.0, "gear_ratio": 80}
-    changed = resolve(application(robot_changes=changes), lambda _: None, 100).build_robot()
-    plain = resolve(application(), lambda _: None, 100).build_robot()
+    changed = resolve(application(robot_changes=changes), lambda _: None, 100).arm
+    plain = resolve(application(), lambda _: None, 100).arm
     np.testing.assert_allclose(changed.link_mass, plain.link_mass / 2)
     np.testing.assert_allclose(changed.link_inertia, plain.link_inertia * 2)
     np.testing.assert_allclose(changed.tool_home[:3, 3], plain.tool_home[:3, 3] * 2)
