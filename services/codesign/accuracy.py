@@ -17,7 +17,7 @@ from services.codesign.collocation import DEGREES
 from services.codesign.guess import Guess
 from services.codesign.problem import FIRST, Accuracy, Problem, Transcription
 from services.codesign.solve import Progress, Solution, SolverOptions, solve
-from services.codesign.solver import INTERRUPTED, STOPPED
+from services.codesign.solver import INTERRUPTED, STOPPED, counted_from
 from services.codesign.starts import StartRun, solve_from_starts
 
 MOST_REFINEMENTS = 4
@@ -82,7 +82,8 @@ def solve_accurately(
     if found.met or not found.rounds or problem.tie_break is None or left <= 0:
         return found
     plain, options = replace(problem, tie_break=None), replace(options, max_wall_time=left)
-    without = _solve_and_refine(plain, accuracy, options, progress, first, starts=starts, known=known)
+    later = counted_from(len(found.solution.attempts), progress)
+    without = _solve_and_refine(plain, accuracy, options, later, first, starts=starts, known=known)
     both = _after(found.solution, without.solution, "without the tie-break")
     if without.met or without.solution.status in (STOPPED, INTERRUPTED):
         return replace(without, solution=both)
@@ -112,7 +113,7 @@ def _solve_and_refine(
         if finer is None or left <= 0:
             break
         finer_problem, within = replace(solution.problem, transcription=finer), replace(options, max_wall_time=left)
-        found = solve(finer_problem, solution.start, within, progress)
+        found = solve(finer_problem, solution.start, within, counted_from(len(solution.attempts), progress))
         name = f"refined to {finer.intervals} intervals of degree {finer.degree}"
         if found.status in (STOPPED, INTERRUPTED):
             return AccurateSolution(_after(solution, found, name), (), met=False)

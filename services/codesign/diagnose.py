@@ -21,7 +21,7 @@ from services.codesign.motor import constraint_limits
 from services.codesign.motor_data import CONSTRAINTS
 from services.codesign.problem import FINAL_TIME_BOUNDS, Objective, Problem
 from services.codesign.program import Program
-from services.codesign.solver import INTERRUPTED, OUT_OF_TIME, STOPPED, Outcome, Progress, SolverOptions, run
+from services.codesign.solver import INTERRUPTED, OUT_OF_TIME, STOPPED, Progress, SolverOptions, run
 from services.codesign.torque_load import torque_load
 
 ROUNDING = 1e-9
@@ -109,7 +109,7 @@ def explain_failure(
         return f"not solved within the {options.max_wall_time:g} s allowed for a solve"
     findings = [
         _too_heavy(problem, program, instance),
-        _too_slow(problem, program, outcome, options=options, progress=progress, deadline=deadline),
+        _too_slow(problem, program, climb, options=options, progress=progress, deadline=deadline),
     ]
     found = [finding for finding in findings if finding is not None]
     found += [_least_to_give(climb.unmet)] if climb.unmet else []
@@ -142,7 +142,7 @@ def _too_heavy(problem: Problem, program: Program, instance: Instance) -> str | 
 def _too_slow(
     problem: Problem,
     program: Program,
-    outcome: Outcome,
+    climb: Climb,
     *,
     options: SolverOptions,
     progress: Progress | None,
@@ -155,8 +155,16 @@ def _too_slow(
         return None
     objective = Objective("time", final_time_bounds=(problem.final_time_bounds[0], longest))
     relaxed = replace(problem, objective=objective)
-    start = Guess(outcome.x)
-    fastest = run(program, build_instance(relaxed, program), start, options, progress=progress, deadline=deadline)
+    start = Guess(climb.outcome.x)
+    fastest = run(
+        program,
+        build_instance(relaxed, program),
+        start,
+        options,
+        progress=progress,
+        attempt=len(climb.attempts),
+        deadline=deadline,
+    )
     _, final_time, _ = program.split(fastest.x)
     if not fastest.success or final_time <= latest:
         return None

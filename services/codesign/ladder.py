@@ -3,8 +3,8 @@
 1. `from 12 intervals`, where only time counts and the dynamic guess takes less than 2 s: that guess on a grid of 12
    intervals, solved for the beginning of the central path; from its motion and motors the task's own grid follows the
    rest, a third fewer iterations there than from the guess itself (docs/performance.md). All 25 tasks of the paper
-   solve here. Where the motion found takes more time than the coarse grid's, `quintic` is tried as well, and the
-   better one kept.
+   solve here. Where the motion found takes more time than the coarse grid's beginning, some percent above the optimum,
+   `quintic` alone is tried as well, and the better one kept.
 2. `quintic`: the dynamic guess with a feasible starting design. Where effort counts too it comes first, and all 25
    tasks solve with it.
 3. `slower motion`: the same, stretched in time (where the time is free): far from the voltage limit.
@@ -99,7 +99,9 @@ class _Climber:
     deadline: float
     attempts: list[Attempt]
     unmet: tuple[Unmet, ...] = ()
-    promised: float = np.inf  # objective [scaled] that a coarse grid has, and a finer one should have too
+    promised: float = np.inf
+    """Objective [scaled] of the beginning on a coarse grid: some percent above the optimum, so that an answer which is
+    higher still is of another basin."""
 
     @property
     def is_done(self) -> bool:
@@ -156,7 +158,7 @@ def climb(
         is_solved = tried is not None and tried.success
         if is_solved and outcome is not None and outcome.objective > climber.promised:
             doubtful, climber.promised = outcome, np.inf
-        elif is_solved or climber.is_done or climber.is_hopeless(problem, program, instance):
+        elif is_solved or doubtful or climber.is_done or climber.is_hopeless(problem, program, instance):
             break
     if outcome is None:  # ended on the coarse grid
         begin = quintic_guess(problem, program, instance, starting_design(problem))

@@ -55,7 +55,7 @@ class RobotError(ValueError):
         self.reason = reason
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays have no one truth
 class Robot:
     """A serial arm with n joints; arrays are read-only, units SI."""
 

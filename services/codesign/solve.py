@@ -18,7 +18,7 @@ from services.codesign.optimality import optimality
 from services.codesign.problem import Objective, Problem
 from services.codesign.program import Program, program_of
 from services.codesign.solution import NOT_ATTEMPTED, Attempt, Solution, Start
-from services.codesign.solver import IterationReport, Outcome, Progress, SolverOptions
+from services.codesign.solver import IterationReport, Outcome, Progress, SolverOptions, counted_from
 from services.codesign.tie_break import break_tie
 
 __all__ = [
@@ -137,7 +137,8 @@ def _solve_with_references(
     found, fastest = references(problem, options, progress)
     if found is None:
         return replace(fastest, problem=problem)
-    solution = solve(with_references(problem, found), fastest.start if start is None else start, options, progress)
+    later = counted_from(len(fastest.attempts), progress)
+    solution = solve(with_references(problem, found), fastest.start if start is None else start, options, later)
     earlier = tuple(replace(attempt, name=f"references: {attempt.name}") for attempt in fastest.attempts)
     return replace(
         solution,

@@ -12,7 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
@@ -74,8 +74,8 @@ PATHS: dict[CentralPath, dict[str, Any]] = {
         "constr_viol_tol": 10.0,
         "compl_inf_tol": 10.0,
     },
-    # Multipliers of bounds start between those of active bounds and those of the others; 1, which IPOPT begins with, is
-    # right for a barrier of 0.1 and costs seven iterations here (docs/performance.md).
+    # Multipliers of bounds start between those of active bounds and those of the others: 1, which IPOPT begins with, is
+    # right for a barrier of 0.1, and barrier over distance takes seven iterations more (docs/performance.md).
     CentralPath.END: {
         "mu_init": END_BEGINS,
         "bound_mult_init_val": 1e-3,
@@ -119,6 +119,13 @@ class IterationReport:
 
 Progress = Callable[[IterationReport], bool]
 """Called at every iteration; True asks the solver to stop."""
+
+
+def counted_from(first: int, progress: Progress | None) -> Progress | None:
+    """The same, with attempts numbered on from `first`, for a solve that comes after others of a job."""
+    if progress is None:
+        return None
+    return lambda report: progress(replace(report, attempt=first + report.attempt))
 
 
 @dataclass(frozen=True)

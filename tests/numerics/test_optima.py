@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from services.codesign import ladder as ladder_module
 from services.codesign.solve import solve
 from tests.numerics.tasks import paper_grid, solved
 
@@ -45,7 +46,6 @@ def test_minimum_energy_in_one_second(stroke, payload, expected):
 
 
 def test_every_task_solves_for_energy_at_the_first_attempt():
-    """`time` is shown by test_pipeline, which needs all 25 motions anyhow."""
     solutions = [solve(problem) for problem in paper_grid("energy")]
     assert {solution.status for solution in solutions} == {"Solve_Succeeded"}
     assert {len(solution.attempts) for solution in solutions} == {1}
@@ -58,6 +58,14 @@ def test_no_worse_than_the_papers_formulation(task):
     """It follows the whole central path from a straight line on the task's own grid, ours the end of it alone."""
     stroke, payload = map(float, task.split(","))
     assert solved(stroke, payload, "time").objective < PAPERS_FORMULATION[task] * (1 + NEIGHBOURING)
+
+
+def test_every_task_solves_for_time_from_the_quintic_alone(monkeypatch):
+    """Without the coarse grid that comes first."""
+    monkeypatch.setattr(ladder_module, "_coarse", lambda *_, **__: None)
+    solutions = [solve(problem) for problem in paper_grid("time")]
+    assert {solution.status for solution in solutions} == {"Solve_Succeeded"}
+    assert {tuple(attempt.name for attempt in solution.attempts) for solution in solutions} == {("quintic",)}
 
 
 def test_the_heaviest_tasks_end_in_better_optima():

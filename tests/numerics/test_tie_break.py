@@ -177,8 +177,7 @@ def test_a_motion_that_misses_its_accuracy_is_solved_without_it(monkeypatch) -> 
     assert found.solution.problem.tie_break is None
     without = "without the tie-break: "
     assert [name.removeprefix(without) for name in names if name.startswith(without)] == [
-        "12 intervals",
-        "from 12 intervals",
+        "quintic",
         "refined to 60 intervals of degree 3: given start",
     ]
     assert names[-1].startswith(without)

@@ -225,3 +225,11 @@ def test_the_arm_as_it_is_asked_to_be() -> None:
     np.testing.assert_allclose(changed.link_inertia, plain.link_inertia * 2)
     np.testing.assert_allclose(changed.tool_home[:3, 3], plain.tool_home[:3, 3] * 2)
     assert changed.gear_ratio.tolist() == [80] * 6
+
+
+def test_the_arm_is_built_once_and_does_not_count_in_comparisons() -> None:
+    first, same = (resolve(application(), lambda _: None, 100) for _ in range(2))
+    assert first.arm is first.arm
+    assert first.arm is not same.arm
+    assert first == same
+    assert first != resolve(application(robot_changes={"gear_ratio": 80}), lambda _: None, 100)
