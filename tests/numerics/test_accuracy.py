@@ -54,7 +54,10 @@ def test_the_degree_rises_where_most_are_to_blame():
 def test_a_coarse_start_is_refined_until_it_keeps_the_accuracy():
     first = Transcription("radau", 2, 20, "current")
     accuracy = Accuracy(position=1e-4, speed=1e-3, limit=1e-3)
-    found = solve_accurately(paper_problem(0.4, 1.0), accuracy, SolverOptions(), first=first)
+    seen: list[int] = []
+    found = solve_accurately(
+        paper_problem(0.4, 1.0), accuracy, SolverOptions(), lambda report: bool(seen.append(report.attempt)), first
+    )
     assert found.met
     assert found.certificate.meets(accuracy)
     assert not found.rounds[0].certificate.meets(accuracy)
@@ -64,6 +67,7 @@ def test_a_coarse_start_is_refined_until_it_keeps_the_accuracy():
     assert names[0] == "quintic"
     assert names[-1].endswith("given start"), "a refined solve starts from the motion before it"
     assert found.solution.iterations == sum(attempt.iterations for attempt in found.solution.attempts)
+    assert list(dict.fromkeys(seen)) == list(range(len(names))), "attempts are numbered on over all solves"
 
 
 def test_a_task_that_cannot_be_solved_has_no_rounds():

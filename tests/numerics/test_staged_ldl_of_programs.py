@@ -19,7 +19,7 @@ from services.codesign.program import Program, build_program, load_program
 from services.codesign.reconcile import feasible_design
 from services.codesign.solve import solve
 from services.codesign.solver import MUMPS, STAGED, SolverOptions, run
-from services.codesign.staged_ldl import library_name, load_staged_ldl
+from services.codesign.staged_ldl import StagedLDL, library_name, load_staged_ldl
 from tests.numerics.arms import random_robot
 from tests.numerics.ma27 import MA27
 from tests.numerics.systems import Entries, check, check_early_end, dense, lower_entries, order_of
@@ -164,3 +164,16 @@ def test_library_is_another_for_other_flags_sources_and_processors(monkeypatch, 
     monkeypatch.setattr(staged_module, "SOURCE", other)
     names.add(library_name())
     assert len(names) == 4
+
+
+def test_what_is_compiled_is_what_the_name_is_of(monkeypatch, tmp_path):
+    """Where the source changes after its name is known: else the old name would keep the new code for good."""
+    source = tmp_path / "source.c"
+    monkeypatch.setattr(staged_module, "SOURCE", source)
+    source.write_text("int version(void) { return 1; }")
+    name = library_name()
+    source.write_text("int version(void) { return 2; }")
+    loaded = load_staged_ldl(tmp_path)
+    assert isinstance(loaded, StagedLDL)
+    assert loaded.path.stem == name
+    assert loaded.library.version() == 1
