@@ -80,7 +80,7 @@ def promise_too_much(monkeypatch):
     monkeypatch.setattr(ladder_module, "_coarse", promising)
 
 
-COARSER = replace(paper_problem(0.8, 4.0), transcription=Transcription(intervals=25, degree=2))
+COARSER = replace(paper_problem(0.8, 1.0), transcription=Transcription(intervals=25, degree=2))
 """A tenth of a percent better from the quintic."""
 
 
