@@ -46,7 +46,7 @@ def compared(theirs: dict[str, float], ours: dict[str, float]) -> str:
     """How many are the same, and each that is not."""
     apart = {task: ours[task] / theirs[task] - 1 for task in theirs}
     same = sum(abs(share) <= SAME for share in apart.values())
-    rows = [[f"the same within {SAME:g}: {same} of {len(theirs)}", "", "", f"{max(apart.values()):+.2%} at most"]]
+    rows = [[f"the same within {SAME:g}: {same} of {len(theirs)}", "", "", f"{max(apart.values()):+.3%} at most"]]
     for task, share in sorted(apart.items(), key=lambda item: item[1]):
         if abs(share) > SAME:
             stroke, payload = map(float, task.split(","))

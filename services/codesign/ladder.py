@@ -3,8 +3,8 @@
 1. `from 12 intervals`, where only time counts and the dynamic guess takes less than 2 s: that guess on a grid of 12
    intervals, solved for the beginning of the central path; from its motion and motors the task's own grid follows the
    rest, a third fewer iterations there than from the guess itself (docs/performance.md). All 25 tasks of the paper
-   solve here. Where the motion found takes more time than the coarse grid's beginning, which lies 5 to 22 percent above
-   the optimum, `quintic` alone is tried as well, and the better one kept.
+   solve here. Where the motion found takes more time than the coarse grid's beginning, 5 to 22 percent above the
+   optimum of the paper's tasks, `quintic` alone is tried as well, and the better one kept.
 2. `quintic`: the dynamic guess with a feasible starting design. Where effort counts too it comes first, and all 25
    tasks solve with it.
 3. `slower motion`: the same, stretched in time (where the time is free): far from the voltage limit.
@@ -60,7 +60,7 @@ top speed nearly all the time, and the task's own grid is solved from the guess 
 """
 
 MOST_COARSE_ITERATIONS = 100
-"""It takes nine, and where both ends lie anywhere up to 60."""
+"""It takes ten, and where both ends lie anywhere up to 60."""
 
 ENDED = (STOPPED, OUT_OF_TIME, INTERRUPTED)
 """Statuses after which nothing more is tried."""
@@ -100,8 +100,8 @@ class _Climber:
     attempts: list[Attempt]
     unmet: tuple[Unmet, ...] = ()
     promised: float = np.inf
-    """Objective [scaled] of the beginning on a coarse grid: 5 to 22 percent above the optimum, so that an answer which
-    is higher still is of another basin."""
+    """Objective [scaled] of the beginning on a coarse grid, for the paper's tasks 5 to 22 percent above the optimum: an
+    answer that is higher still is of another basin."""
 
     @property
     def is_done(self) -> bool:

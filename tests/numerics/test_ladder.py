@@ -49,7 +49,7 @@ def test_the_latest_time_does_not_bind_the_coarse_grid(spare):
     tight = Objective("time", final_time_bounds=(0.05, shortest * (1 + spare)))
     solution = solve(replace(paper_problem(0.6, 2.0), objective=tight))
     assert names(solution) == COARSE_FIRST
-    assert solution.objective == pytest.approx(shortest, rel=1e-4)
+    assert solution.objective == pytest.approx(shortest, rel=3e-4)  # what tolerance 1e-6 leaves
 
 
 def test_gear_ratios_found_on_the_coarse_grid_are_kept(monkeypatch):
@@ -80,20 +80,24 @@ def promise_too_much(monkeypatch):
     monkeypatch.setattr(ladder_module, "_coarse", promising)
 
 
-COARSER = replace(paper_problem(0.8, 1.0), transcription=Transcription(intervals=25, degree=2))
-"""A tenth of a percent better from the quintic."""
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_a_motion_slower_than_the_coarse_grids_is_sought_again(monkeypatch, share):
+    """From the quintic guess, and the better one is kept: the first or the second, as its time is changed."""
+    outcomes = {}
 
+    def weighed(program, instance, start, options, **rest):
+        outcome = run(program, instance, start, options, **rest)
+        path = rest["path"]
+        outcomes[path] = replace(outcome, objective=outcome.objective * (share if path is CentralPath.END else 1))
+        return outcomes[path]
 
-@pytest.mark.parametrize(("problem", "quintic_is_better"), [(COARSER, True), (paper_problem(1.0, 4.0), False)])
-def test_a_motion_slower_than_the_coarse_grids_is_sought_again(monkeypatch, problem, quintic_is_better):
-    """From the quintic guess, and the better one is kept, whichever it is."""
-    own = solve(problem).objective
+    monkeypatch.setattr(ladder_module, "run", weighed)
     promise_too_much(monkeypatch)
-    solution = solve(problem)
+    solution = solve(paper_problem(0.6, 2.0))
     assert names(solution) == [*COARSE_FIRST, "quintic"]
     assert solution.success
-    assert (solution.objective < own * (1 - 1e-4)) is quintic_is_better
-    assert solution.objective <= own
+    better = outcomes[CentralPath.END if share < 1 else CentralPath.WHOLE]
+    np.testing.assert_array_equal(solution.x, better.x)
 
 
 def failing_at(attempt, monkeypatch):

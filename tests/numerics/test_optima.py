@@ -59,9 +59,14 @@ def test_every_task_solves_for_energy_at_the_first_attempt():
 
 @pytest.mark.parametrize("task", PAPERS_FORMULATION)
 def test_no_worse_than_the_papers_formulation(task):
-    """It follows the whole central path from a straight line on the task's own grid, ours the end of it alone."""
+    """It follows the whole central path from a straight line on the task's own grid, ours the end of it alone.
+
+    The same or better in all but 0.4 rad with 2 kg, whose optimum is a neighbour 8e-5 higher.
+    """
     stroke, payload = map(float, task.split(","))
-    assert solve(paper_problem(stroke, payload), options=FINE).objective < PAPERS_FORMULATION[task] * (1 + SAME)
+    solution = solve(paper_problem(stroke, payload), options=FINE)
+    assert solution.status == "Solve_Succeeded"
+    assert solution.objective < PAPERS_FORMULATION[task] * (1 + SAME)
 
 
 def test_every_task_solves_for_time_from_the_quintic_alone(monkeypatch):
