@@ -58,8 +58,9 @@ def test_sigterm_in_mid_solve(home: Path) -> None:
     upgrade(settings.database_url)
     engine = make_engine(settings.database_url)
     task = {"start_rad": [0.6] * 6, "end_rad": HOME, "payload_kg": 2.0}
-    long = {"intervals": 250, "control": "voltage"}
-    application_id, _ = submit(engine, settings, ApplicationRequest(name="long", tasks=[task], transcription=long))
+    fine = {"intervals": 250, "control": "voltage"}
+    request = ApplicationRequest(name="long", tasks=[task], transcription=fine, starts=8)  # several seconds
+    application_id, _ = submit(engine, settings, request)
     with process("worker.relay", home):
         with process("worker.main", home) as worker:
             wait_until(lambda: job_states(engine) == [(JobState.RUNNING, 1)])

