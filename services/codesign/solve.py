@@ -18,7 +18,14 @@ from services.codesign.optimality import optimality
 from services.codesign.problem import Objective, Problem
 from services.codesign.program import Program, program_of
 from services.codesign.solution import NOT_ATTEMPTED, Attempt, Solution, Start
-from services.codesign.solver import IterationReport, Outcome, Progress, SolverOptions, counted_from
+from services.codesign.solver import (
+    IterationReport,
+    Outcome,
+    Progress,
+    SolverOptions,
+    counted_from,
+    interrupts_kept,
+)
 from services.codesign.tie_break import break_tie
 
 __all__ = [
@@ -66,10 +73,11 @@ def solve(
     ValueError
         For a problem without meaning (energy without a duration).
     BaseException
-        Only what `progress` raised.
+        Only what `progress` raised, and KeyboardInterrupt at Ctrl-C.
     """
     began = time.perf_counter()
-    solution = _solve(problem, start, options, progress)
+    with interrupts_kept():
+        solution = _solve(problem, start, options, progress)
     return replace(solution, solve_time=time.perf_counter() - began)
 
 

@@ -190,7 +190,9 @@ class _Monitor(ca.Callback):
     def eval_buffer(self, arg: Sequence[memoryview], res: Sequence[memoryview]) -> int:
         try:
             objective = arg[OBJECTIVE].cast("d")[0]
-            if self.progress is not None and self.progress(IterationReport(self.attempt, self.iteration, objective)):
+            report = IterationReport(self.attempt, self.iteration, objective)
+            asked = self.progress is not None and self.progress(report)
+            if asked or _CTRL_C.is_set():
                 self.stopped_as = STOPPED
             elif time.monotonic() > self.deadline:
                 self.stopped_as = OUT_OF_TIME
@@ -215,6 +217,7 @@ MOST_SOLVERS = 12
 
 _SOLVERS: Kept[_Solver] = Kept(MOST_SOLVERS)
 _BUSY = threading.Lock()
+_CTRL_C = threading.Event()
 
 
 def run(
@@ -276,7 +279,7 @@ def _run_with(
     if staged is not None:
         staged.hand_over(_order(program, instance), options.threads if _of_all_tasks(program) else 1)
     began = time.perf_counter()
-    with _interrupts_kept(solver.monitor):
+    with interrupts_kept():
         result = solver.function(**_arguments(instance, start))
     seconds = time.perf_counter() - began
     stats = solver.function.stats()
@@ -310,21 +313,24 @@ def _order(program: AnyProgram, instance: Instance) -> Elimination:
 
 
 @contextmanager
-def _interrupts_kept(monitor: _Monitor) -> Iterator[None]:
-    """Keep Ctrl-C for the end of the solve, where Python's own handler would raise inside CasADi and be swallowed."""
+def interrupts_kept() -> Iterator[None]:
+    """Stop the solve at Ctrl-C, and raise KeyboardInterrupt once this is left.
+
+    Python's own handler would raise inside CasADi, in IPOPT or in a matrix product, and be swallowed there. Within
+    another of these, in other threads and where the caller handles the signal nothing changes.
+    """
     ours = threading.current_thread() is threading.main_thread()
     if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
-
-    def keep(_number: int, _frame: object) -> None:
-        monitor.error = KeyboardInterrupt()
-
-    signal.signal(signal.SIGINT, keep)
+    signal.signal(signal.SIGINT, lambda _number, _frame: _CTRL_C.set())
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+        if _CTRL_C.is_set():
+            _CTRL_C.clear()
+            raise KeyboardInterrupt
 
 
 def _arguments(instance: Instance, start: Guess) -> dict[str, np.ndarray]:

@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from services.codesign import solve as solve_module
 from services.codesign.guess import Guess, quintic_guess, starting_design
 from services.codesign.instance import EFFORT_SCALE, build_instance, scales_of
 from services.codesign.kernels import _virtual_machine
@@ -293,15 +294,35 @@ def test_interrupt_between_callbacks_comes_out():
     """CasADi looks for signals in every evaluation, and would drop Python's exception there."""
     problem = paper_problem(0.6, 2.0)
     solve(problem)
-    timer = threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT))
+    for hundredths in range(5, 15):
+        timer = threading.Timer(hundredths / 100, os.kill, (os.getpid(), signal.SIGINT))
+        timer.start()
+        with pytest.raises(KeyboardInterrupt):
+            solve_while(timer.is_alive, problem)
+        timer.join()
 
-    def solve_until_it_fires():
-        while timer.is_alive():
-            solve(problem)
 
-    timer.start()
+def solve_while(goes_on, problem):
+    while goes_on():
+        solve(problem)
+
+
+def test_interrupt_after_the_solver_comes_out(monkeypatch):
+    """Once the answer was looked at, for which CasADi multiplies matrices: it would drop the exception there, too."""
+    seen = []
+
+    def looked_at(*arguments):
+        os.kill(os.getpid(), signal.SIGINT)
+        seen.append(optimality(*arguments))
+        return seen[0]
+
+    monkeypatch.setattr(solve_module, "optimality", looked_at)
     with pytest.raises(KeyboardInterrupt):
-        solve_until_it_fires()
+        solve(paper_problem(0.6, 2.0))
+    assert len(seen) == 1
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    monkeypatch.undo()
+    assert solve(paper_problem(0.6, 2.0)).success, "the signal is forgotten"
 
 
 def test_second_solve_at_once_is_refused():
