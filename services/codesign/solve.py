@@ -11,6 +11,7 @@ import numpy as np
 from services.codesign.diagnose import explain_failure, impossible
 from services.codesign.guess import Guess
 from services.codesign.instance import Instance, build_instance, objective_scale, objective_weights, scales_of
+from services.codesign.interrupts import interrupts_kept
 from services.codesign.ladder import Climb, climb
 from services.codesign.measures import measure
 from services.codesign.motion import read_motion, with_gears_of
@@ -18,14 +19,7 @@ from services.codesign.optimality import optimality
 from services.codesign.problem import Objective, Problem
 from services.codesign.program import Program, program_of
 from services.codesign.solution import NOT_ATTEMPTED, Attempt, Solution, Start
-from services.codesign.solver import (
-    IterationReport,
-    Outcome,
-    Progress,
-    SolverOptions,
-    counted_from,
-    interrupts_kept,
-)
+from services.codesign.solver import IterationReport, Outcome, Progress, SolverOptions, counted_from
 from services.codesign.tie_break import break_tie
 
 __all__ = [

@@ -7,11 +7,9 @@ that fails. Neither is safe with threads: one solve per process at a time, and a
 
 from __future__ import annotations
 
-import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
@@ -23,6 +21,7 @@ from services.codesign.elastic import ElasticProgram, elastic_elimination
 from services.codesign.elimination import Elimination, elimination
 from services.codesign.guess import Guess
 from services.codesign.instance import Instance
+from services.codesign.interrupts import interrupts_kept, is_interrupted
 from services.codesign.kept import Kept
 from services.codesign.program import Program
 from services.codesign.shared_elimination import shared_elimination
@@ -192,7 +191,7 @@ class _Monitor(ca.Callback):
             objective = arg[OBJECTIVE].cast("d")[0]
             report = IterationReport(self.attempt, self.iteration, objective)
             asked = self.progress is not None and self.progress(report)
-            if asked or _CTRL_C.is_set():
+            if asked or is_interrupted():
                 self.stopped_as = STOPPED
             elif time.monotonic() > self.deadline:
                 self.stopped_as = OUT_OF_TIME
@@ -217,7 +216,6 @@ MOST_SOLVERS = 12
 
 _SOLVERS: Kept[_Solver] = Kept(MOST_SOLVERS)
 _BUSY = threading.Lock()
-_CTRL_C = threading.Event()
 
 
 def run(
@@ -310,27 +308,6 @@ def _order(program: AnyProgram, instance: Instance) -> Elimination:
     if isinstance(program, ElasticProgram):
         return elastic_elimination(program, instance)
     return elimination(program, instance)
-
-
-@contextmanager
-def interrupts_kept() -> Iterator[None]:
-    """Stop the solve at Ctrl-C, and raise KeyboardInterrupt once this is left.
-
-    Python's own handler would raise inside CasADi, in IPOPT or in a matrix product, and be swallowed there. Within
-    another of these, in other threads and where the caller handles the signal nothing changes.
-    """
-    ours = threading.current_thread() is threading.main_thread()
-    if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        yield
-        return
-    signal.signal(signal.SIGINT, lambda _number, _frame: _CTRL_C.set())
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        if _CTRL_C.is_set():
-            _CTRL_C.clear()
-            raise KeyboardInterrupt
 
 
 def _arguments(instance: Instance, start: Guess) -> dict[str, np.ndarray]:
